@@ -1,0 +1,43 @@
+# Every target sets up what it needs on the machine: scripts/setup.sh tells what, and says nothing when
+# nothing is missing. All targets build in the release profile, so that dependencies compile once.
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help setup build render test test-all test-ignored lint clean
+
+COUSU := $(or $(CARGO_TARGET_DIR),target)/release/cousu
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+
+setup: ## install what building, rendering and testing need (each target does so for itself)
+	@scripts/setup.sh build run test lint
+
+build: ## build target/release/cousu
+	@scripts/setup.sh build
+	cargo build --release
+
+render: ## build, and render assets/cornell.obj to out/cornell.png
+	@scripts/setup.sh build run
+	cargo build --release
+	@mkdir -p out
+	$(COUSU) render assets/cornell.obj --size 1024x640 --spp 256 -o out/cornell.png
+
+test: ## run the tests; without a Vulkan device they fail
+	@scripts/setup.sh build run test
+	cargo test --workspace --release
+
+test-all: test test-ignored ## run the tests, then the long ones that they leave out
+
+test-ignored: ## run only the long tests
+	@scripts/setup.sh build run test
+	cargo test --workspace --release -- --ignored
+
+lint: ## check the formatting, and run clippy with warnings as errors
+	@scripts/setup.sh build lint
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --release -- -D warnings
+
+clean: ## remove what was built and rendered
+	cargo clean
+	rm -rf out

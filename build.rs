@@ -1,0 +1,318 @@
+//! Compiles every row of `shaders/kernels.txt` to SPIR-V and writes the table of kernels.
+//!
+//! The GLSL side of `src/layout.rs` is generated here; includes are resolved here; and the offsets
+//! that the compiler gave to every shared record are checked against Rust's.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use rspirv::dr::{Instruction, Module, Operand};
+use rspirv::spirv::{Decoration, Op, StorageClass};
+use shaderc_link as _;
+
+#[path = "src/layout.rs"]
+#[allow(dead_code)]
+mod layout;
+
+/// A row of `kernels.txt`.
+struct Row {
+    name: String,
+    entry: String,
+    traverse: String,
+    accessor: String,
+    defines: Vec<(String, Option<String>)>,
+}
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() {
+    println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=src/layout.rs");
+    if let Err(failure) = run() {
+        eprintln!("{failure}");
+        std::process::exit(1);
+    }
+}
+
+fn run() -> Result<(), Failure> {
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    let list = std::fs::read_to_string("shaders/kernels.txt")?;
+    let compiler = shaderc::Compiler::new()?;
+    let mut table = String::from("pub const KERNELS: &[Kernel] = &[\n");
+    let mut hash = xxhash_rust::xxh3::Xxh3::new();
+    let mut checked = BTreeSet::new();
+    for (number, row) in rows(&list)?.iter().enumerate() {
+        // The optimizer strips the names that reflection goes by.
+        let named = compile(&compiler, row, shaderc::OptimizationLevel::Zero)?;
+        let spirv = compile(&compiler, row, shaderc::OptimizationLevel::Performance)?;
+        let file = out.join(format!("kernel{number}.spv"));
+        std::fs::write(&file, spirv.as_binary_u8())?;
+        hash.update(row.name.as_bytes());
+        hash.update(spirv.as_binary_u8());
+        writeln!(table, "{}", table_entry(row, &file, spirv.as_binary())?)?;
+        check_offsets(row, named.as_binary(), &mut checked)?;
+    }
+    if let Some(record) = layout::RECORDS.iter().find(|record| !checked.contains(record.name)) {
+        return Err(format!("no kernel shows the offsets of {}", record.name).into());
+    }
+    writeln!(
+        table,
+        "];\n/// Of every kernel's name and SPIR-V.\npub const SPIRV_HASH: u64 = {:#x};",
+        hash.digest()
+    )?;
+    std::fs::write(out.join("kernels.rs"), table)?;
+    Ok(())
+}
+
+fn rows(list: &str) -> Result<Vec<Row>, Failure> {
+    let mut rows: Vec<Row> = Vec::new();
+    for (index, line) in list.lines().enumerate() {
+        let columns: Vec<&str> = line.split_whitespace().collect();
+        if columns.is_empty() || columns[0].starts_with('#') {
+            continue;
+        }
+        let [name, entry, traverse, accessor, defines] = columns[..] else {
+            return Err(format!(
+                "shaders/kernels.txt:{}: a row has 5 columns, this one {}",
+                index + 1,
+                columns.len()
+            )
+            .into());
+        };
+        if rows.iter().any(|row| row.name == name) {
+            return Err(format!("shaders/kernels.txt:{}: the name {name} stands twice", index + 1).into());
+        }
+        let defines =
+            defines.split(',').filter(|&define| define != "-").map(|define| match define.split_once('=') {
+                Some((key, value)) => (key.to_string(), Some(value.to_string())),
+                None => (define.to_string(), None),
+            });
+        rows.push(Row {
+            name: name.into(),
+            entry: format!("shaders/{entry}.comp.glsl"),
+            traverse: format!("shaders/traverse/{traverse}.glsl"),
+            accessor: accessor.into(),
+            defines: defines.collect(),
+        });
+    }
+    Ok(rows)
+}
+
+fn compile(
+    compiler: &shaderc::Compiler,
+    row: &Row,
+    optimization: shaderc::OptimizationLevel,
+) -> Result<shaderc::CompilationArtifact, Failure> {
+    let text = std::fs::read_to_string(&row.entry).map_err(|error| format!("{}: {error}", row.entry))?;
+    // An include is inlined where it first appears, so that files may name what they need.
+    let seen = std::cell::RefCell::new(Vec::new());
+    let mut options = shaderc::CompileOptions::new()?;
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+    options.set_forced_version_profile(460, shaderc::GlslProfile::None);
+    options.set_optimization_level(optimization);
+    options.set_warnings_as_errors();
+    options.add_macro_definition(&format!("ACCESSOR_{}", row.accessor.to_uppercase()), None);
+    for (key, value) in &row.defines {
+        options.add_macro_definition(key, value.as_deref());
+    }
+    options.set_include_callback(|wanted, _, from, _| {
+        let (path, content) = include(wanted, from, row)?;
+        let mut seen = seen.borrow_mut();
+        let first = !seen.contains(&path);
+        seen.push(path.clone());
+        Ok(shaderc::ResolvedInclude {
+            resolved_name: path,
+            content: if first { content } else { "\n".into() },
+        })
+    });
+    compiler
+        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &row.entry, "main", Some(&options))
+        .map_err(|error| format!("kernel {}:\n{error}", row.name).into())
+}
+
+/// Path and text of an include: generated, the row's traversal, or a file under `shaders/`.
+fn include(wanted: &str, from: &str, row: &Row) -> Result<(String, String), String> {
+    match wanted {
+        "layout" => return Ok(("layout".into(), glsl_layout())),
+        "record_copies" => return Ok(("record_copies".into(), glsl_record_copies())),
+        _ => {}
+    }
+    let beside = Path::new(from).with_file_name(wanted);
+    let path = match wanted {
+        "traverse" => PathBuf::from(&row.traverse),
+        _ if beside.exists() => beside,
+        _ => Path::new("shaders").join(wanted),
+    };
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok((path.display().to_string(), text))
+}
+
+/// Structs, unpackers and constants of `src/layout.rs` in GLSL.
+fn glsl_layout() -> String {
+    let mut glsl = String::new();
+    for (name, value) in layout::CONSTANTS {
+        let suffix = if name.starts_with("BINDING_") || name.starts_with("SPEC_") { "" } else { "u" };
+        glsl += &format!("#define {name} {value}{suffix}\n");
+    }
+    for record in layout::RECORDS {
+        glsl += &format!("struct {} {{\n", record.name);
+        for field in record.fields {
+            glsl += &format!("    {} {};\n", field.glsl, field.name);
+        }
+        glsl += "};\n";
+        let words = record.size / 16;
+        let loads: String =
+            (0..words).map(|word| format!("uvec4 w{word} = WORD((i) * {words}u + {word}u); ")).collect();
+        let fields: Vec<String> = record.fields.iter().map(glsl_field).collect();
+        glsl +=
+            &format!("#define LOAD_{0}(WORD, i) {loads}return {0}({1});\n", record.name, fields.join(", "));
+    }
+    glsl
+}
+
+/// A field, taken out of the 16-byte words w0, w1, ...
+fn glsl_field(field: &layout::Field) -> String {
+    let word = field.offset / 16;
+    let component = ["x", "y", "z", "w"][field.offset % 16 / 4];
+    match field.glsl {
+        "vec3" => format!("uintBitsToFloat(w{word}.xyz)"),
+        "float" => format!("uintBitsToFloat(w{word}.{component})"),
+        "int" => format!("int(w{word}.{component})"),
+        _ => format!("w{word}.{component}"),
+    }
+}
+
+/// `copy_record(kind, i)`: record i through the node accessor, into an array of structs.
+fn glsl_record_copies() -> String {
+    let mut glsl = String::new();
+    let mut cases = String::new();
+    for (kind, record) in layout::RECORDS.iter().enumerate() {
+        let name = record.name;
+        glsl += &format!(
+            "STORAGE_BLOCK(BINDING_HITS) writeonly buffer {name}Copies {{ {name} copies_{kind}[]; }};\n"
+        );
+        glsl += &format!("{name} read_{kind}(uint i) {{ LOAD_{name}(NODE_WORD, i) }}\n");
+        cases += &format!("    if (kind == {kind}u) copies_{kind}[i] = read_{kind}(i);\n");
+    }
+    glsl + "void copy_record(uint kind, uint i) {\n" + &cases + "}\n"
+}
+
+/// Compares the offsets of shared records with `src/layout.rs`; adds the records found to `checked`.
+fn check_offsets(row: &Row, spirv: &[u32], checked: &mut BTreeSet<&'static str>) -> Result<(), Failure> {
+    let module = load(row, spirv)?;
+    let reflection = Reflection::new(&module);
+    Ok(reflection.check_offsets(checked).map_err(|error| format!("kernel {}: {error}", row.name))?)
+}
+
+fn load(row: &Row, spirv: &[u32]) -> Result<Module, Failure> {
+    Ok(rspirv::dr::load_words(spirv).map_err(|error| format!("kernel {}: {error}", row.name))?)
+}
+
+/// A row of the table of kernels: name, SPIR-V, descriptors.
+fn table_entry(row: &Row, file: &Path, spirv: &[u32]) -> Result<String, Failure> {
+    let module = load(row, spirv)?;
+    let reflection = Reflection::new(&module);
+    let mut bindings = BTreeMap::new();
+    for variable in &module.types_global_values {
+        let Some(binding) = variable.result_id.and_then(|id| reflection.bindings.get(&id)) else { continue };
+        let kind = reflection.descriptor_kind(variable).map_err(|kind| {
+            format!("kernel {}: binding {binding} is {kind}, which the host cannot bind", row.name)
+        })?;
+        bindings.insert(*binding, kind);
+    }
+    let list: String =
+        bindings.iter().map(|(binding, kind)| format!("({binding}, DescriptorKind::{kind}), ")).collect();
+    Ok(format!(
+        "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), bindings: &[{list}] }},",
+        row.name,
+        file.display().to_string()
+    ))
+}
+
+/// Names, decorations and types of a module, by id.
+struct Reflection<'a> {
+    types: BTreeMap<u32, &'a Instruction>,
+    struct_names: BTreeMap<u32, &'a str>,
+    offsets: BTreeMap<(u32, u32), u32>,
+    bindings: BTreeMap<u32, u32>,
+}
+
+impl<'a> Reflection<'a> {
+    fn new(module: &'a Module) -> Self {
+        let types = module.types_global_values.iter().filter_map(|i| Some((i.result_id?, i))).collect();
+        let mut struct_names = BTreeMap::new();
+        for name in &module.debug_names {
+            if let (Op::Name, [Operand::IdRef(id), Operand::LiteralString(text)]) =
+                (name.class.opcode, &name.operands[..])
+            {
+                struct_names.insert(*id, text.as_str());
+            }
+        }
+        let mut offsets = BTreeMap::new();
+        let mut bindings = BTreeMap::new();
+        for annotation in &module.annotations {
+            match &annotation.operands[..] {
+                [
+                    Operand::IdRef(id),
+                    Operand::LiteralBit32(member),
+                    Operand::Decoration(Decoration::Offset),
+                    Operand::LiteralBit32(offset),
+                ] => {
+                    offsets.insert((*id, *member), *offset);
+                }
+                [
+                    Operand::IdRef(id),
+                    Operand::Decoration(Decoration::Binding),
+                    Operand::LiteralBit32(binding),
+                ] => {
+                    bindings.insert(*id, *binding);
+                }
+                _ => {}
+            }
+        }
+        Self { types, struct_names, offsets, bindings }
+    }
+
+    /// The host's name for what a variable binds, or what it is instead.
+    fn descriptor_kind(&self, variable: &Instruction) -> Result<&'static str, String> {
+        let pointee = variable
+            .result_type
+            .and_then(|pointer| self.types.get(&pointer))
+            .and_then(|pointer| pointer.operands.get(1)?.id_ref_any())
+            .and_then(|id| self.types.get(&id));
+        let Some(Operand::StorageClass(class)) = variable.operands.first() else {
+            return Err("no variable".into());
+        };
+        match (class, pointee) {
+            (StorageClass::Uniform, _) => Ok("UniformBuffer"),
+            (StorageClass::StorageBuffer, _) => Ok("StorageBuffer"),
+            (StorageClass::UniformConstant, Some(image)) if image.class.opcode == Op::TypeImage => {
+                let of_buffer = image.operands[1] == Operand::Dim(rspirv::spirv::Dim::DimBuffer);
+                Ok(if of_buffer { "UniformTexelBuffer" } else { "StorageImage" })
+            }
+            (class, _) => Err(format!("{class:?}")),
+        }
+    }
+
+    /// Compares every struct that bears a record's name and has a layout with `src/layout.rs`; adds
+    /// the records found to `checked`.
+    fn check_offsets(&self, checked: &mut BTreeSet<&'static str>) -> Result<(), String> {
+        for (id, name) in &self.struct_names {
+            let Some(record) = layout::RECORDS.iter().find(|record| record.name == *name) else { continue };
+            for (member, field) in record.fields.iter().enumerate() {
+                // A copy in a local variable has no layout.
+                let Some(&offset) = self.offsets.get(&(*id, member as u32)) else { continue };
+                checked.insert(record.name);
+                if offset as usize != field.offset {
+                    return Err(format!(
+                        "{name}.{} lies at {offset} in SPIR-V, at {} in src/layout.rs",
+                        field.name, field.offset
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}

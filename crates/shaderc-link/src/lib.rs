@@ -1,0 +1,1 @@
+//! Nothing but a link line: see `build.rs`.

@@ -1,0 +1,9 @@
+// The only file that knows which API the text is compiled for.
+#ifdef VULKAN
+#define UNIFORM_BLOCK(n) layout(set = 0, binding = n, std140) uniform
+#define STORAGE_BLOCK(n) layout(set = 0, binding = n, std430)
+#define TEXELS(n) layout(set = 0, binding = n) uniform
+#define STORAGE_IMAGE(n, image_format) layout(set = 0, binding = n, image_format) uniform
+#define DISPATCH_BLOCK layout(push_constant) uniform
+#define CONSTANT(n, type, name, value) layout(constant_id = n) const type name = value
+#endif

@@ -1,0 +1,19 @@
+// A ray under way and what it has met.
+
+// Points are origin + t direction, 0 < t <= t_max.
+struct Ray {
+    vec3 origin;
+    vec3 direction;
+    float t_max;
+};
+
+// Closest hit so far. Index: place in the triangle array, NO_HIT if none; id: what decides a tie.
+struct Hit {
+    float t;
+    float u;
+    float v;
+    uint index;
+    uint id;
+};
+
+Hit no_hit(float t_max) { return Hit(t_max, 0.0, 0.0, NO_HIT, NO_HIT); }

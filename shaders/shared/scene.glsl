@@ -1,0 +1,27 @@
+// What a kernel is given: the frame, its range of work, and geometry through the row's accessor.
+#include "prologue.glsl"
+#include "layout"
+
+UNIFORM_BLOCK(BINDING_FRAME) FrameBlock { Frame frame; };
+DISPATCH_BLOCK RangeBlock { Range range; };
+
+CONSTANT(SPEC_SAMPLER, uint, SAMPLER, SAMPLER_PCG);
+// The original's choices that no other option names: normals as wound, the last of equal hits,
+// boxes tested over 0..1000 whatever was hit before, four rays even where a pixel hits nothing.
+CONSTANT(SPEC_ORIGINAL, bool, ORIGINAL, false);
+CONSTANT(SPEC_ROBUST_SLABS, bool, ROBUST_SLABS, true);
+
+#ifdef ACCESSOR_TEXEL
+TEXELS(BINDING_NODES) utextureBuffer node_texels;
+TEXELS(BINDING_TRIANGLES) utextureBuffer triangle_texels;
+#define NODE_WORD(i) texelFetch(node_texels, int(i))
+#define TRIANGLE_WORD(i) texelFetch(triangle_texels, int(i))
+#else
+STORAGE_BLOCK(BINDING_NODES) readonly buffer NodeBlock { uvec4 node_words[]; };
+STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_words[]; };
+#define NODE_WORD(i) node_words[i]
+#define TRIANGLE_WORD(i) triangle_words[i]
+#endif
+
+Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
+Triangle load_triangle(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }

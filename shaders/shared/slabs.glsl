@@ -1,0 +1,50 @@
+// Ray against axis-aligned box. Twin: src/reference/slabs.rs.
+
+// What the slab test needs of a ray, once a ray.
+struct Slabs {
+    vec3 origin;
+    vec3 inverse;
+};
+
+// Smallest direction component that robust slabs divide by, 2^-100. A zero would make 0 * inf = NaN
+// where the origin lies on a box's face; with this stand-in every product is finite. A ray parallel
+// to a slab then stays in it for longer than any scene is deep, or never comes near.
+#define SMALLEST_COMPONENT 7.888609052210118e-31
+
+// 1 + 2 gamma(7): exit distances grow by the error that both distances may have, so that no box which
+// the exact ray meets is missed (Ize 2013 has gamma(3); Vulkan's division may be off by 2.5 ulp).
+#define EXIT_SLACK 1.0000009
+
+float at_least_smallest(float d) {
+    float size = max(abs(d), SMALLEST_COMPONENT);
+    return d < 0.0 ? -size : size;
+}
+
+Slabs slabs_of(Ray ray) {
+    vec3 d = ray.direction;
+    if (ROBUST_SLABS) {
+        d = vec3(at_least_smallest(d.x), at_least_smallest(d.y), at_least_smallest(d.z));
+    }
+    return Slabs(ray.origin, 1.0 / d);
+}
+
+// Where the ray enters the box and leaves it. Every operation is monotonic in the bounds, so a box
+// inside another is never entered earlier nor left later: a ray that passes a triangle's own box
+// passes all boxes around it, and no tree can lose a hit.
+vec2 slab_interval(Slabs slabs, vec3 pmin, vec3 pmax) {
+    precise vec3 t0 = (pmin - slabs.origin) * slabs.inverse;
+    precise vec3 t1 = (pmax - slabs.origin) * slabs.inverse;
+    vec3 near = min(t0, t1);
+    vec3 far = max(t0, t1);
+    float enter = max(max(near.x, near.y), near.z);
+    precise float leave = min(min(far.x, far.y), far.z);
+    if (ROBUST_SLABS) {
+        leave = leave * EXIT_SLACK;
+    }
+    return vec2(enter, leave);
+}
+
+bool meets_box(Slabs slabs, vec3 pmin, vec3 pmax, float t_max) {
+    vec2 interval = slab_interval(slabs, pmin, pmax);
+    return max(interval.x, 0.0) <= min(interval.y, t_max);
+}

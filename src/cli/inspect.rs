@@ -1,0 +1,46 @@
+//! `cousu inspect`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::bvh::{midpoint, stack};
+use crate::error::Result;
+use crate::scene::Scene;
+use crate::scene::condition::{self, Placement};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scene, a Wavefront OBJ file
+    scene: PathBuf,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let scene = Scene::load(&arguments.scene)?;
+    let report = &scene.report;
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let mut text = format!("{}\n", scene.path);
+    text += &format!(
+        "file        {} bytes, {} lines, {} vertices, {} faces ({} of them polygons), {} groups\n",
+        report.bytes, report.lines, report.vertices, report.faces, report.polygons, report.groups
+    );
+    text += &format!("triangles   {} (hash {:016x})\n", scene.mesh.triangles.len(), scene.hash);
+    text += &format!("box         ({}, {}, {}) to ({}, {}, {})\n", min.x, min.y, min.z, max.x, max.y, max.z);
+    text += &format!("diagonal    {}\n", scene.bounds.diagonal());
+    if !report.missing_materials.is_empty() {
+        text += &format!("materials   missing and not needed: {}\n", report.missing_materials.join(", "));
+    }
+    if report.dropped.is_empty() {
+        text += "dropped     nothing\n";
+    } else {
+        text += &format!("dropped     {}\n", report.dropped);
+    }
+    let tree = midpoint::build(&condition::place(&scene.mesh, &Placement::conditioned(&scene.bounds)));
+    text += &format!(
+        "tree        midpoint: {} nodes, {} levels, a stack of up to {} entries",
+        tree.nodes.len(),
+        tree.depth(),
+        stack::stack_bound(&tree)
+    );
+    super::print(&text)
+}

@@ -1,0 +1,64 @@
+//! The command line: one thin file a command.
+
+mod args;
+mod devices;
+mod doctor;
+mod inspect;
+mod plan;
+mod progress;
+mod render;
+mod scene;
+mod session;
+
+use std::io::{self, Write};
+
+use clap::{Parser, Subcommand};
+
+use crate::error::{Error, Result};
+
+#[derive(Parser)]
+#[command(name = "cousu", version, about = "Ambient light of triangle scenes by Vulkan compute.")]
+#[command(arg_required_else_help = true, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render the ambient light of a scene.
+    Render(render::Arguments),
+    /// List the Vulkan devices, best first.
+    Devices,
+    /// Tell what is there, what is missing and how to get it.
+    Doctor,
+    /// Tell what is in a scene file: dropped, degenerate, NaN, with line numbers.
+    Inspect(inspect::Arguments),
+    /// Tell what `render` would choose on this device, and why.
+    Plan(plan::Arguments),
+    /// Write a procedural scene.
+    Scene(scene::Arguments),
+}
+
+/// Runs the command of the process's arguments.
+pub fn run() -> Result<()> {
+    match Cli::parse().command {
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Devices => devices::run(),
+        Command::Doctor => doctor::run(),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
+    }
+}
+
+/// Prints a result. A reader that has gone away (`cousu devices | head -1`) is no error.
+fn print(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::other(format!("The standard output could not be written ({error}): redirect it elsewhere.")))
+        }
+        _ => Ok(()),
+    }
+}

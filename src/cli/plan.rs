@@ -1,0 +1,47 @@
+//! `cousu plan`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use comfy_table::{Table, presets};
+
+use super::args::ChoiceArguments;
+use super::session::{self, DeviceArguments};
+use crate::error::Result;
+use crate::render::auto;
+use crate::render::choices::Preset;
+use crate::render::geometry::Geometry;
+use crate::scene::Scene;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scene, a Wavefront OBJ file
+    scene: PathBuf,
+    #[command(flatten)]
+    choices: ChoiceArguments,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let scene = Scene::load(&arguments.scene)?;
+    let (_instance, adapter) = session::adapter(&arguments.device)?;
+    let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    let decision = auto::decide(&arguments.choices.wishes(), &geometry, &adapter);
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header(["choice", "", "why"]);
+    for reason in &decision.reasons {
+        table.add_row([reason.what, &reason.choice, &reason.why]);
+    }
+    super::print(&format!(
+        "{} on {}: {} triangles, {} nodes, a stack of up to {} entries\n\n{}",
+        scene.path,
+        adapter.name,
+        geometry.triangles.len(),
+        geometry.tree.nodes.len(),
+        geometry.stack_bound,
+        table.trim_fmt()
+    ))?;
+    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)
+}

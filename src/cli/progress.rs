@@ -1,0 +1,55 @@
+//! How far a render is: a bar on a terminal, a line now and then elsewhere.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::render::tally::Progress;
+
+/// Steps of the bar.
+const STEPS: u64 = 10_000;
+/// Between two lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+pub struct Meter {
+    bar: Option<ProgressBar>,
+    started: Instant,
+    last_line: Instant,
+}
+
+impl Meter {
+    pub fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
+            if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3}% {msg}, {eta} left") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Self { bar, started: Instant::now(), last_line: Instant::now() }
+    }
+
+    pub fn observe(&mut self, progress: &Progress) {
+        let rate = if progress.gpu_ms > 0.0 { progress.rays as f64 / progress.gpu_ms * 1e-3 } else { 0.0 };
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position((progress.done * STEPS as f64) as u64);
+                bar.set_message(format!("{rate:.1} Mrays/s"));
+            }
+            None if self.last_line.elapsed() >= LINE_EVERY => {
+                self.last_line = Instant::now();
+                let elapsed = self.started.elapsed().as_secs_f64();
+                let left = elapsed * (1.0 - progress.done) / progress.done.max(1e-6);
+                eprintln!("{:.0}% done, {rate:.1} Mrays/s, {left:.0} s left", progress.done * 100.0);
+            }
+            None => {}
+        }
+    }
+
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! `cousu render`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+
+use super::args::{CameraArguments, ChoiceArguments, size};
+use super::progress::Meter;
+use super::session::{self, DeviceArguments};
+use crate::error::{Error, Result};
+use crate::render::auto;
+use crate::render::choices::Preset;
+use crate::render::execute;
+use crate::render::geometry::Geometry;
+use crate::render::picture::Picture;
+use crate::render::plan::{Job, Plan};
+use crate::report::atomic::Output;
+use crate::report::manifest::Manifest;
+use crate::report::png::Encoding;
+use crate::report::record::RenderRecord;
+use crate::report::{exr, png};
+use crate::scene::Scene;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scene, a Wavefront OBJ file
+    scene: PathBuf,
+    /// Where the picture goes: .png (8 bits) or .exr (32-bit float, with coverage)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Where the record of the render goes; - is the standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Width and height of the picture in pixels
+    #[arg(long, value_name = "WxH", value_parser = size, default_value = "1024x640")]
+    size: (u32, u32),
+    /// Ambient rays of each pixel whose camera ray hits
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value = "64")]
+    spp: u32,
+    /// Seed of the random numbers: same seed, same picture
+    #[arg(long, value_name = "N", default_value = "0")]
+    seed: u32,
+    /// Write linear bytes into a PNG instead of sRGB
+    #[arg(long)]
+    linear: bool,
+    #[command(flatten)]
+    choices: ChoiceArguments,
+    #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+/// Formats by the ending of the file's name.
+#[derive(Clone, Copy)]
+enum Format {
+    Png,
+    Exr,
+}
+
+fn format_of(path: &Path) -> Result<Format> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase);
+    match ending.as_deref() {
+        Some("png") => Ok(Format::Png),
+        Some("exr") => Ok(Format::Exr),
+        _ => Err(Error::usage(format!("{} ends in neither .png nor .exr: choose one of them.", path.display()))),
+    }
+}
+
+/// Places for the results, claimed before the work.
+struct Outputs {
+    picture: Option<(Format, Output)>,
+    json: Option<Output>,
+    json_to_stdout: bool,
+}
+
+impl Outputs {
+    fn claim(arguments: &Arguments) -> Result<Self> {
+        let picture = match &arguments.output {
+            Some(path) => Some((format_of(path)?, Output::claim(path)?)),
+            None => None,
+        };
+        let json_to_stdout = arguments.json.as_deref() == Some(Path::new("-"));
+        let json = match &arguments.json {
+            Some(path) if !json_to_stdout => Some(Output::claim(path)?),
+            _ => None,
+        };
+        Ok(Self { picture, json, json_to_stdout })
+    }
+
+    fn write(self, picture: &Picture, record: &RenderRecord, encoding: Encoding) -> Result<()> {
+        if let Some((format, output)) = self.picture {
+            output.write(|mut out| match format {
+                Format::Png => png::write(picture, encoding, &record.manifest, &mut out),
+                Format::Exr => exr::write(picture, &record.manifest, out),
+            })?;
+        }
+        if let Some(output) = self.json {
+            output.write(|out| {
+                serde_json::to_writer_pretty(&mut *out, record)?;
+                out.write_all(b"\n")
+            })?;
+        }
+        if self.json_to_stdout {
+            let text = serde_json::to_string_pretty(record)
+                .map_err(|error| Error::other(format!("The record could not be written ({error}).")))?;
+            return super::print(&text);
+        }
+        super::print(&record.summary())
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let start = Instant::now();
+    let outputs = Outputs::claim(arguments)?;
+    let scene = Scene::load(&arguments.scene)?;
+    if !scene.report.dropped.is_empty() {
+        eprintln!("{}: {} (see `cousu inspect`)", scene.path, scene.report.dropped);
+    }
+    let camera = arguments.camera.camera(&scene, arguments.choices.preset)?;
+    let device = session::open(&arguments.device)?;
+    let adapter = device.adapter();
+    let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
+    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
+    let job = Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };
+    let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
+    let mut meter = Meter::new();
+    let outcome = execute::run(&device, &plan, &mut |progress| meter.observe(progress))?;
+    meter.finish();
+    let picture = Picture::new(plan.tiles, &outcome.accumulated, arguments.spp);
+    let manifest = Manifest::new(&scene, adapter, arguments.seed);
+    let wall_s = start.elapsed().as_secs_f64();
+    let record = RenderRecord::new(&scene, &plan, adapter, &outcome, manifest, wall_s);
+    let encoding = if arguments.linear { Encoding::Linear } else { Encoding::Srgb };
+    outputs.write(&picture, &record, encoding)
+}

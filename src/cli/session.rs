@@ -1,0 +1,38 @@
+//! Opening the device that a command works on.
+
+use clap::Args;
+
+use crate::error::Result;
+use crate::vk::{Adapter, Device, DeviceKind, Instance};
+
+/// Which device, and how closely it is watched.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Device")]
+pub struct DeviceArguments {
+    /// Device by its number in `cousu devices`, or by a part of its name [default: the best]
+    #[arg(long, value_name = "N|NAME")]
+    pub device: Option<String>,
+    /// Let the Vulkan validation layer watch every call, synchronization included
+    #[arg(long)]
+    pub validate: bool,
+}
+
+/// The adapter that the arguments name.
+pub fn adapter(arguments: &DeviceArguments) -> Result<(Instance, Adapter)> {
+    let instance = Instance::new(arguments.validate)?;
+    let adapters = instance.adapters()?;
+    let adapter = Adapter::choose(&adapters, arguments.device.as_deref())?.clone();
+    Ok((instance, adapter))
+}
+
+/// Opens it; a device that is a CPU is announced.
+pub fn open(arguments: &DeviceArguments) -> Result<Device> {
+    let (instance, adapter) = adapter(arguments)?;
+    if adapter.kind == DeviceKind::Cpu {
+        eprintln!(
+            "!!! {} is a CPU: no GPU was found or chosen, and everything takes some hundred times longer.",
+            adapter.name
+        );
+    }
+    Device::open(&instance, &adapter)
+}

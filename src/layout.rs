@@ -1,0 +1,250 @@
+//! The one definition of every record, binding and constant that shaders and host share.
+//!
+//! `build.rs` includes this file and writes the GLSL side from [`RECORDS`] and [`CONSTANTS`]: structs,
+//! unpackers for each accessor, `#define`s. Records are whole 16-byte words, and a field never
+//! straddles two of them, so that one layout serves std140, std430, push constants and texel buffers.
+
+/// A field of a record: its name, its GLSL type and its offset in bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    pub name: &'static str,
+    pub glsl: &'static str,
+    pub offset: usize,
+}
+
+/// A record as the shaders see it.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    pub name: &'static str,
+    pub size: usize,
+    pub fields: &'static [Field],
+}
+
+macro_rules! host_type {
+    (vec3) => {
+        [f32; 3]
+    };
+    (float) => {
+        f32
+    };
+    (uint) => {
+        u32
+    };
+    (int) => {
+        i32
+    };
+}
+
+macro_rules! records {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$fdoc:meta])* $field:ident: $kind:ident,)* })*) => {
+        $(
+            $(#[$doc])*
+            #[repr(C)]
+            #[derive(Clone, Copy, Debug, Default, PartialEq)]
+            pub struct $name { $($(#[$fdoc])* pub $field: host_type!($kind),)* }
+            // SAFETY: repr(C), every field is made of 4-byte numbers, and the assertion below leaves no
+            // room for padding, so any bytes are a valid value and every byte is initialised.
+            unsafe impl bytemuck::Zeroable for $name {}
+            unsafe impl bytemuck::Pod for $name {}
+            const _: () = {
+                assert!(size_of::<$name>() == 0 $(+ size_of::<host_type!($kind)>())*);
+                assert!(size_of::<$name>() % 16 == 0);
+            };
+        )*
+        /// Every record, in the order of their definition.
+        pub const RECORDS: &[Record] = &[$(Record {
+            name: stringify!($name),
+            size: size_of::<$name>(),
+            fields: &[$(Field {
+                name: stringify!($field),
+                glsl: stringify!($kind),
+                offset: std::mem::offset_of!($name, $field),
+            },)*],
+        },)*];
+    };
+}
+
+macro_rules! constants {
+    ($($(#[$doc:meta])* $name:ident = $value:expr;)*) => {
+        $($(#[$doc])* pub const $name: u32 = $value;)*
+        /// Every shared constant with its value, for the GLSL side.
+        pub const CONSTANTS: &[(&str, u32)] = &[$((stringify!($name), $name),)*];
+    };
+}
+
+records! {
+    /// A triangle for the Möller–Trumbore intersector: corner and two edges, scene units.
+    Triangle {
+        a: vec3,
+        /// Position of the triangle in the file: what a hit reports, and what decides a tie.
+        id: uint,
+        ab: vec3,
+        pad0: uint,
+        ac: vec3,
+        pad1: uint,
+    }
+    /// A node of a binary tree in post-order (root last). A leaf stores `-1 - first` in `left` and
+    /// `-1 - last` in `right`, both in the order of the triangle array.
+    Node {
+        pmin: vec3,
+        left: int,
+        pmax: vec3,
+        right: int,
+    }
+    /// A node of the threaded tree in its own compact form: after a hit go to `index - 1`, otherwise
+    /// to `skip` (-1 at the end). `leaf` is 0 inside the tree; a leaf stores
+    /// `-1 - (first * LEAF_LIMIT + count - 1)` there.
+    ThreadedNode {
+        pmin: vec3,
+        skip: int,
+        pmax: vec3,
+        leaf: int,
+    }
+    /// The threaded node of the original: a [`Node`] and one more word.
+    ThreadedNode48 {
+        pmin: vec3,
+        left: int,
+        pmax: vec3,
+        right: int,
+        pad: vec3,
+        skip: int,
+    }
+    /// What stays the same for all dispatches of a render.
+    Frame {
+        /// Camera ray of raster position (x, y): origin + x origin_dx + y origin_dy, and likewise its
+        /// direction (not normalised).
+        origin: vec3,
+        /// Longest camera ray, in units of its direction.
+        camera_t_max: float,
+        origin_dx: vec3,
+        width: uint,
+        origin_dy: vec3,
+        height: uint,
+        direction: vec3,
+        /// Distance from the surface, along the normal, at which ambient rays start; scene units.
+        offset: float,
+        direction_dx: vec3,
+        /// Longest ambient ray, scene units.
+        ambient_t_max: float,
+        direction_dy: vec3,
+        seed: uint,
+        node_count: uint,
+        triangle_count: uint,
+        /// Raster position of a pixel: its column and row plus this.
+        pixel_shift: float,
+        /// By how much boxes were grown on every side (0 with plain slabs), scene units.
+        box_pad: float,
+        /// The first sample of the render: counts hold those from here on.
+        sample_base: uint,
+        pad0: uint,
+        pad1: uint,
+        pad2: uint,
+    }
+    /// The work of one dispatch (push constants): pixels x samples x triangles.
+    Range {
+        pixel_begin: uint,
+        pixel_end: uint,
+        sample_begin: uint,
+        sample_end: uint,
+        triangle_begin: uint,
+        triangle_end: uint,
+        /// The pixel that element 0 of the per-pixel buffers belongs to.
+        pixel_base: uint,
+        /// One of the `STAGE_` constants.
+        stage: uint,
+    }
+    /// Rays of a pixel that escaped and that were traced, for each of two halves with independent
+    /// random numbers: sample i belongs to half i mod 2.
+    Count {
+        escaped0: uint,
+        traced0: uint,
+        escaped1: uint,
+        traced1: uint,
+    }
+    /// A pixel's state between two dispatches that each test a part of the triangles.
+    Carry {
+        t: float,
+        u: float,
+        v: float,
+        /// Place in the triangle array; `NO_HIT` if none yet.
+        index: uint,
+        id: uint,
+        /// 1 once the ambient ray under way has met a triangle.
+        occluded: uint,
+        pad0: uint,
+        pad1: uint,
+    }
+    /// A ray of a list.
+    RayRecord {
+        origin: vec3,
+        t_max: float,
+        direction: vec3,
+        pad: uint,
+    }
+    /// The answer to a ray: distance in units of its direction, barycentric coordinates of the second
+    /// and third corner, and the place in the triangle array (`NO_HIT` where it escaped).
+    HitRecord {
+        t: float,
+        u: float,
+        v: float,
+        index: uint,
+    }
+    /// What a slot of workgroups did: compared with what was asked for after every submit.
+    Counters {
+        primary_asked: uint,
+        primary_finished: uint,
+        ambient_asked: uint,
+        ambient_finished: uint,
+        overflowed: uint,
+        pad0: uint,
+        pad1: uint,
+        pad2: uint,
+    }
+}
+
+constants! {
+    /// Descriptor bindings, all of set 0.
+    BINDING_FRAME = 0;
+    BINDING_NODES = 1;
+    BINDING_TRIANGLES = 2;
+    BINDING_COUNTS = 3;
+    BINDING_IMAGE = 4;
+    BINDING_SEEDS = 5;
+    BINDING_CARRY = 6;
+    BINDING_COUNTERS = 7;
+    BINDING_RAYS = 8;
+    BINDING_HITS = 9;
+
+    /// Specialization constants.
+    SPEC_STACK_SIZE = 0;
+    SPEC_SAMPLER = 1;
+    SPEC_ORIGINAL = 2;
+    SPEC_ROBUST_SLABS = 3;
+
+    /// Values of `SPEC_SAMPLER`.
+    SAMPLER_LCG = 0;
+    SAMPLER_PCG = 1;
+
+    /// Values of `Range::stage`: closest hit and ambient rays, or one of them.
+    STAGE_BOTH = 0;
+    STAGE_CLOSEST = 1;
+    STAGE_ANY = 2;
+
+    /// A workgroup is a tile of 8x8 pixels; pixels are numbered tile by tile.
+    TILE_SIDE = 8;
+    WORKGROUP_SIZE = 64;
+
+    /// Counters are spread over this many slots, so that workgroups seldom meet on one.
+    COUNTER_SLOTS = 64;
+
+    /// Ambient rays that the original traces for each pixel and frame.
+    FRAME_SAMPLES = 4;
+
+    /// Most triangles in a leaf of the threaded tree.
+    LEAF_LIMIT = 8;
+    /// Its logarithm.
+    LEAF_BITS = 3;
+
+    /// No triangle.
+    NO_HIT = 0xffff_ffff;
+}

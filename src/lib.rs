@@ -1,0 +1,13 @@
+//! cousu: the ambient light of triangle scenes by Vulkan compute, and a laboratory that measures every
+//! way to traverse a triangle tree. ARCHITECTURE.md tells how the modules hang together.
+
+pub mod bvh;
+pub mod cli;
+pub mod error;
+pub mod layout;
+pub mod pack;
+pub mod render;
+pub mod reference;
+pub mod report;
+pub mod scene;
+pub mod vk;

@@ -1,0 +1,153 @@
+use glam::Vec3;
+
+use super::*;
+use crate::reference::testing::{Random, triangle};
+
+const RULES: Rules = Rules { box_pad: 1e-6, robust_slabs: true };
+
+fn right_angle() -> Triangle {
+    triangle(7, Vec3::ZERO, Vec3::X, Vec3::Y)
+}
+
+fn down(x: f32, y: f32, t_max: f32) -> RayRecord {
+    RayRecord { origin: [x, y, 2.0], t_max, direction: [0.0, 0.0, -1.0], pad: 0 }
+}
+
+fn kind(verdict: Verdict) -> char {
+    match verdict {
+        Verdict::Hit(_) => 'h',
+        Verdict::Miss { .. } => 'm',
+        Verdict::Doubtful(_) => 'd',
+    }
+}
+
+#[test]
+fn clear_cases_are_certain_and_close_ones_doubtful() {
+    let far = f32::MAX;
+    for (x, y, t_max, expected) in [
+        (0.25, 0.5, far, 'h'),
+        (-0.25, 0.5, far, 'm'),
+        (0.5, -0.1, far, 'm'),
+        (0.6, 0.6, far, 'm'),
+        (0.5, 0.5, far, 'd'),
+        (0.6, 0.4, far, 'd'),
+        // Zero is zero in f32 too, and counts as inside.
+        (0.0, 0.5, far, 'h'),
+        (0.5, 1e-5, far, 'h'),
+        (0.5, -1e-5, far, 'm'),
+        (0.25, 0.5, 1.9, 'm'),
+        (0.25, 0.5, 2.0, 'd'),
+        (0.25, 0.5, 2.1, 'h'),
+    ] {
+        let verdict = verdict(&down(x, y, t_max), &right_angle(), &RULES);
+        assert_eq!(kind(verdict), expected, "({x}, {y}) to {t_max}: {verdict:?}");
+    }
+    let start = |z: f32| RayRecord { origin: [0.25, 0.25, z], ..down(0.0, 0.0, far) };
+    assert_eq!(kind(verdict(&start(0.0), &right_angle(), &RULES)), 'm', "t is exactly 0");
+    assert_eq!(kind(verdict(&start(-1e-3), &right_angle(), &RULES)), 'm', "behind");
+}
+
+#[test]
+fn a_ray_in_the_plane_is_doubtful_only_near_the_triangle() {
+    let along =
+        |y: f32| RayRecord { origin: [-1.0, y, 0.0], direction: [1.0, 0.0, 0.0], ..down(0.0, 0.0, 9.0) };
+    assert_eq!(kind(verdict(&along(0.5), &right_angle(), &RULES)), 'm', "det is exactly 0");
+    let tilted = |y: f32| RayRecord { direction: [0.3, 1e-9, 0.1], origin: [-1.0, y, -0.3], ..along(y) };
+    let plane = triangle(0, Vec3::new(0.1, 0.0, 0.1), Vec3::new(0.3, 0.7, 0.1), Vec3::new(0.6, -0.9, 0.2));
+    assert_eq!(kind(verdict(&tilted(0.0), &plane, &RULES)), 'd');
+    assert_eq!(kind(verdict(&tilted(50.0), &plane, &RULES)), 'm');
+}
+
+#[test]
+fn a_hit_is_where_the_geometry_says() {
+    let mut random = Random::new(30);
+    let mut certain = 0;
+    for _ in 0..10_000 {
+        let target = triangle(0, random.point(), random.point(), random.point());
+        let (u, v) = (random.unit() * 0.5, random.unit() * 0.5);
+        let [a, ab, ac] = [target.a, target.ab, target.ac].map(Vec3::from);
+        let origin = random.point() * 3.0;
+        let direction = a + u * ab + v * ac - origin;
+        let ray =
+            RayRecord { origin: origin.to_array(), direction: direction.to_array(), ..down(0.0, 0.0, 9.0) };
+        if let Verdict::Hit(meeting) = verdict(&ray, &target, &RULES) {
+            certain += 1;
+            // Independent of Möller–Trumbore: the ray's point is the triangle's.
+            let on_ray = origin.as_dvec3() + meeting.t * direction.as_dvec3();
+            let on_triangle = a.as_dvec3() + meeting.u * ab.as_dvec3() + meeting.v * ac.as_dvec3();
+            assert!((on_ray - on_triangle).length() < 1e-9, "{ray:?} {target:?}");
+            let near = |got: f64, meant: f64, error: f64| (got - meant).abs() < 1e-4 + error;
+            assert!(near(meeting.u, f64::from(u), meeting.u_error) || meeting.margin < 1e3);
+            assert!(meeting.t_error < 0.1 && meeting.margin > 1.0);
+        }
+    }
+    assert!(certain > 9000, "{certain}");
+}
+
+#[test]
+fn accepts_the_right_answer_and_no_other() {
+    let behind = triangle(3, Vec3::new(0.0, 0.0, -1.0), Vec3::X, Vec3::Y);
+    let triangles = [behind, right_angle()];
+    let truth = Truth { triangles: &triangles, rules: RULES };
+    let ray = down(0.25, 0.5, 100.0);
+    let exact = truth.closest(&ray);
+    assert_eq!(exact.certain.map(|(candidate, _)| (candidate.index, candidate.id)), Some((1, 7)));
+    assert!((exact.gap - 1.0).abs() < 1e-12 && exact.edge_margin > 1e4, "{exact:?}");
+    let right = HitRecord { t: 2.0, u: 0.25, v: 0.5, index: 1 };
+    exact.accepts(&right).unwrap();
+    exact.accepts(&HitRecord { t: 2f32.next_up(), ..right }).unwrap();
+    for (wrong, why) in [
+        (HitRecord { t: 3.0, index: 0, ..right }, "nearer"),
+        (HitRecord { t: 2.00001, ..right }, "t is"),
+        (HitRecord { u: 0.2501, ..right }, "u is"),
+        (HitRecord { v: f32::NAN, ..right }, "v is"),
+        (HitRecord { index: 5, ..right }, "missed for certain"),
+        (HitRecord { t: 100.0, u: 0.0, v: 0.0, index: NO_HIT }, "no hit"),
+    ] {
+        let error = exact.accepts(&wrong).expect_err(why);
+        assert!(error.contains(why), "{error}");
+    }
+    let past = truth.closest(&down(-0.5, 0.5, 100.0));
+    past.accepts(&HitRecord { t: 100.0, u: 0.0, v: 0.0, index: NO_HIT }).unwrap();
+    past.accepts(&HitRecord { t: 99.0, u: 0.0, v: 0.0, index: NO_HIT }).expect_err("t is not t_max");
+    past.accepts(&right).expect_err("a hit of nothing");
+}
+
+#[test]
+fn ties_and_edges_leave_a_choice() {
+    let triangles = [right_angle(), right_angle(), triangle(9, Vec3::ZERO, Vec3::Y, Vec3::NEG_X)];
+    let truth = Truth { triangles: &triangles, rules: RULES };
+    let tied = truth.closest(&down(0.25, 0.5, 9.0));
+    assert_eq!(tied.gap, 0.0);
+    for index in [0, 1] {
+        tied.accepts(&HitRecord { t: 2.0, u: 0.25, v: 0.5, index }).unwrap();
+    }
+    // On the edge that all share: any of them, or none.
+    let edge = truth.closest(&down(0.0, 0.5, 9.0));
+    assert!(edge.edge_margin <= 1.0 && edge.certain.is_none());
+    edge.accepts(&HitRecord { t: 2.0, u: 0.0, v: 0.5, index: 0 }).unwrap();
+    edge.accepts(&HitRecord { t: 2.0, u: 0.5, v: 0.0, index: 2 }).unwrap();
+    edge.accepts(&HitRecord { t: 9.0, u: 0.0, v: 0.0, index: NO_HIT }).unwrap();
+    edge.accepts(&HitRecord { t: 1.9, u: 0.0, v: 0.5, index: 0 }).expect_err("too near");
+}
+
+#[test]
+fn any_hit_needs_one_certain_hit() {
+    let triangles = [right_angle()];
+    let truth = Truth { triangles: &triangles, rules: RULES };
+    let (met, escaped) = (HitRecord::default(), HitRecord { index: NO_HIT, ..HitRecord::default() });
+    for (x, may_meet, may_escape) in [(0.25, true, false), (0.0, true, true), (-0.25, false, true)] {
+        let exact = truth.any(&down(x, 0.5, 9.0));
+        assert_eq!(exact.accepts(&met).is_ok(), may_meet, "{x}");
+        assert_eq!(exact.accepts(&escaped).is_ok(), may_escape, "{x}");
+        assert_eq!(exact.edge_margin > 1.0, may_meet != may_escape, "{x}: {exact:?}");
+    }
+}
+
+#[test]
+fn overflow_and_nan_are_not_judged_wrongly() {
+    let ray = RayRecord { origin: [f32::NAN; 3], ..down(0.0, 0.0, 9.0) };
+    assert_eq!(kind(verdict(&ray, &right_angle(), &RULES)), 'm');
+    let huge = triangle(0, Vec3::ZERO, Vec3::X * 1e20, Vec3::Y * 1e20);
+    assert_eq!(kind(verdict(&down(1e18, 1e18, 9.0), &huge, &RULES)), 'd');
+}

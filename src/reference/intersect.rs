@@ -1,0 +1,184 @@
+//! Ray against triangle. Twin of shaders/shared/intersect.glsl.
+
+use glam::Vec3;
+
+use super::Inputs;
+use super::arith::{cross3, dot3, max3, min3, reciprocal};
+use super::ray::{Hit, Ray};
+use super::slabs::{Slabs, slab_interval};
+use crate::layout::Triangle;
+
+/// Smallest determinant taken for a triangle that the ray can meet, 2^-120: below it 1/det overflows.
+pub const SMALLEST_DETERMINANT: f32 = 7.523_163_8e-37;
+
+/// The box of a triangle as the slab test sees it: of the corners as they round, grown by box_pad.
+pub fn padded_box(triangle: &Triangle, box_pad: f32) -> (Vec3, Vec3) {
+    let a = Vec3::from(triangle.a);
+    let b = a + Vec3::from(triangle.ab);
+    let c = a + Vec3::from(triangle.ac);
+    (min3(a, min3(b, c)) - box_pad, max3(a, max3(b, c)) + box_pad)
+}
+
+/// Möller and Trumbore (1997), compared before the division; (t, u, v) of a hit. A hit must also lie in
+/// the triangle's own box as the slab test sees it, and is not nearer than that box: then every tree of
+/// boxes finds the same hits at the same distances, exactly.
+pub fn intersect_guarded(
+    ray: &Ray,
+    slabs: &Slabs,
+    triangle: &Triangle,
+    box_pad: f32,
+    t_max: f32,
+) -> Option<[f32; 3]> {
+    let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
+    let p = cross3(ray.direction, ac);
+    let det = dot3(ab, p);
+    let side = if det < 0.0 { -1.0 } else { 1.0 };
+    let s = ray.origin - a;
+    let q = cross3(s, ab);
+    let det = det.abs();
+    let u = side * dot3(s, p);
+    let v = side * dot3(ray.direction, q);
+    let t = side * dot3(ac, q);
+    let u_plus_v = u + v;
+    let meets = det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
+    if !meets {
+        return None;
+    }
+    let (pmin, pmax) = padded_box(triangle, box_pad);
+    let [enter, leave] = slab_interval(slabs, pmin, pmax);
+    let scale = reciprocal(det);
+    let t = (t * scale).max(enter);
+    (enter <= leave && t <= leave.min(t_max)).then_some([t, u * scale, v * scale])
+}
+
+/// The original's form: the division is not guarded, so a zero determinant gives NaN, which no comparison
+/// rejects. The shader leaves its roundings to the driver: only this twin has them in the written order.
+pub fn intersect_original(ray: &Ray, triangle: &Triangle, t_max: f32) -> Option<[f32; 3]> {
+    let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
+    let p = cross3(ray.direction, ac);
+    let inverse = 1.0 / dot3(ab, p);
+    let s = ray.origin - a;
+    let u = dot3(s, p) * inverse;
+    if u < 0.0 || u > 1.0 {
+        return None;
+    }
+    let q = cross3(s, ab);
+    let v = dot3(ray.direction, q) * inverse;
+    if v < 0.0 || u + v > 1.0 {
+        return None;
+    }
+    let t = dot3(ac, q) * inverse;
+    if t < 0.0 || t > t_max {
+        return None;
+    }
+    Some([t, u, v])
+}
+
+pub fn intersect(
+    inputs: &Inputs,
+    ray: &Ray,
+    slabs: &Slabs,
+    triangle: &Triangle,
+    t_max: f32,
+) -> Option<[f32; 3]> {
+    if inputs.choices.original {
+        intersect_original(ray, triangle, t_max)
+    } else {
+        intersect_guarded(ray, slabs, triangle, inputs.frame.box_pad, t_max)
+    }
+}
+
+/// Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter (the
+/// original kept the last).
+pub fn closest_of_triangle(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32, hit: &mut Hit) {
+    let triangle = inputs.load_triangle(index);
+    if let Some([t, u, v]) = intersect(inputs, ray, slabs, triangle, hit.t)
+        && (inputs.choices.original || t < hit.t || triangle.id < hit.id)
+    {
+        *hit = Hit { t, u, v, index, id: triangle.id };
+    }
+}
+
+pub fn any_of_triangle(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32) -> bool {
+    intersect(inputs, ray, slabs, inputs.load_triangle(index), ray.t_max).is_some()
+}
+
+/// How far a box may lie to be worth opening: the original asked every box over its fixed range.
+pub const ORIGINAL_BOX_RANGE: f32 = 1000.0;
+
+pub fn box_limit(inputs: &Inputs, t_closest: f32) -> f32 {
+    if inputs.choices.original { ORIGINAL_BOX_RANGE } else { t_closest }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::exact::{Rules, Verdict, verdict};
+    use crate::reference::slabs::slabs_of;
+    use crate::reference::testing::{KINDS, Random, aimed_ray, triangles_of};
+
+    fn guarded(ray: &Ray, triangle: &Triangle, pad: f32) -> Option<[f32; 3]> {
+        intersect_guarded(ray, &slabs_of(ray, true), triangle, pad, ray.t_max)
+    }
+
+    #[test]
+    fn agrees_with_the_exact_verdict() {
+        let mut random = Random::new(10);
+        for kind in KINDS {
+            let triangles = triangles_of(kind, 11, 100);
+            let pad = crate::pack::box_pad(&triangles);
+            let (mut hits, mut doubtful, count) = (0, 0, 20_000);
+            for i in 0..count {
+                let triangle = &triangles[i % triangles.len()];
+                let ray = aimed_ray(&mut random, triangle);
+                let rules = Rules { box_pad: pad, robust_slabs: true };
+                let got = guarded(&ray, triangle, pad);
+                match verdict(&ray.record(), triangle, &rules) {
+                    Verdict::Hit(meeting) => {
+                        hits += 1;
+                        let got = got.unwrap_or_else(|| panic!("{kind:?}: lost {ray:?} {triangle:?}"));
+                        meeting.agrees(got).unwrap_or_else(|e| panic!("{kind:?}: {e}: {ray:?} {triangle:?}"));
+                    }
+                    Verdict::Miss { .. } => {
+                        assert!(got.is_none(), "{kind:?}: made up {got:?}: {ray:?} {triangle:?}");
+                    }
+                    Verdict::Doubtful(_) => doubtful += 1,
+                }
+            }
+            println!("{kind:?}: {hits} certain hits, {doubtful} doubtful of {count}");
+            assert!(hits > count / 20, "{kind:?}: too few hits to prove anything");
+            assert!(doubtful < count / 2, "{kind:?}: the bound decides too little");
+        }
+    }
+
+    #[test]
+    fn degenerate_triangles_and_nan_rays_are_missed() {
+        let ray = Ray { origin: Vec3::new(0.25, 0.25, 1.0), direction: Vec3::NEG_Z, t_max: 9.0 };
+        let good = Triangle { ab: [1.0, 0.0, 0.0], ac: [0.0, 1.0, 0.0], ..Triangle::default() };
+        assert_eq!(guarded(&ray, &good, 1e-6), Some([1.0, 0.25, 0.25]));
+        for flat in [Triangle::default(), Triangle { ac: good.ab, ..good }] {
+            assert_eq!(guarded(&ray, &flat, 1e-6), None);
+        }
+        let nan = Ray { origin: Vec3::NAN, ..ray };
+        assert_eq!(guarded(&nan, &good, 1e-6), None);
+        assert!(intersect_original(&nan, &good, 9.0).is_some_and(|tuv| tuv[0].is_nan()));
+    }
+
+    #[test]
+    fn the_original_accepts_t_zero_and_takes_both_sides() {
+        let good = Triangle { ab: [1.0, 0.0, 0.0], ac: [0.0, 1.0, 0.0], ..Triangle::default() };
+        let mut ray = Ray { origin: Vec3::new(0.25, 0.25, 0.0), direction: Vec3::NEG_Z, t_max: 9.0 };
+        assert_eq!(intersect_original(&ray, &good, 9.0), Some([0.0, 0.25, 0.25]));
+        assert_eq!(guarded(&ray, &good, 1e-6), None);
+        ray.origin.z = -2.0;
+        assert_eq!(intersect_original(&ray, &good, 9.0), None);
+        ray.direction = Vec3::Z;
+        assert_eq!(intersect_original(&ray, &good, 9.0), Some([2.0, 0.25, 0.25]));
+        assert_eq!(intersect_original(&ray, &good, 1.5), None);
+    }
+
+    #[test]
+    fn smallest_determinant_is_2_to_the_minus_120() {
+        assert_eq!(SMALLEST_DETERMINANT, 2f32.powi(-120));
+    }
+}

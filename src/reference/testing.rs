@@ -1,0 +1,228 @@
+//! Scenes and rays for the tests of this module: seeded, the same on every machine.
+
+use glam::Vec3;
+
+use super::{Choices, Inputs, Traversal};
+use crate::bvh::midpoint;
+use crate::bvh::stack::stack_bound;
+use crate::layout::{Frame, Node, SAMPLER_PCG, ThreadedNode, Triangle};
+use crate::pack;
+use crate::reference::ray::Ray;
+
+/// SplitMix64 of Steele, Lea and Flood (2014): shares nothing with the generators under test.
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
+    pub fn bits(&mut self) -> u32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 32) as u32
+    }
+
+    /// In 0..n.
+    pub fn below(&mut self, n: u32) -> u32 {
+        ((u64::from(self.bits()) * u64::from(n)) >> 32) as u32
+    }
+
+    /// In [0, 1), multiples of 2^-24.
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 * 2f32.powi(-24)
+    }
+
+    /// In [-1, 1).
+    pub fn signed(&mut self) -> f32 {
+        2.0 * self.unit() - 1.0
+    }
+
+    pub fn point(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// Of unit length within rounding, evenly spread.
+    pub fn direction(&mut self) -> Vec3 {
+        loop {
+            let point = self.point().as_dvec3();
+            if (0.01..1.0).contains(&point.length_squared()) {
+                return point.normalize().as_vec3();
+            }
+        }
+    }
+
+    pub fn axis(&mut self) -> Vec3 {
+        let axis = [Vec3::X, Vec3::Y, Vec3::Z][self.below(3) as usize];
+        if self.below(2) == 0 { axis } else { -axis }
+    }
+}
+
+/// What a scene is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Triangles of all sizes anywhere.
+    Soup,
+    /// Tiny ones, a thousand times their size from the origin.
+    FarOff,
+    /// Axis-aligned quads on a coarse grid: flat boxes, shared edges, coplanar overlaps.
+    Quads,
+    /// A thousand times as long as wide.
+    Slivers,
+    /// Each triangle several times, under different ids.
+    Duplicates,
+}
+
+pub const KINDS: [Kind; 5] = [Kind::Soup, Kind::FarOff, Kind::Quads, Kind::Slivers, Kind::Duplicates];
+
+pub fn triangle(id: u32, a: Vec3, ab: Vec3, ac: Vec3) -> Triangle {
+    Triangle { a: a.to_array(), id, ab: ab.to_array(), pad0: 0, ac: ac.to_array(), pad1: 0 }
+}
+
+pub fn soup(seed: u64, count: usize, size: f32) -> Vec<Triangle> {
+    let mut random = Random::new(seed);
+    (0..count as u32)
+        .map(|id| {
+            let size = size * random.unit().max(0.01);
+            triangle(id, random.point(), random.point() * size, random.point() * size)
+        })
+        .collect()
+}
+
+pub fn triangles_of(kind: Kind, seed: u64, count: usize) -> Vec<Triangle> {
+    let mut random = Random::new(seed);
+    match kind {
+        Kind::Soup => soup(seed, count, 1.0),
+        Kind::FarOff => {
+            let place = Vec3::new(10.0, -7.0, 3.0);
+            let far = |t: Triangle| {
+                triangle(
+                    t.id,
+                    place + Vec3::from(t.a) * 0.1,
+                    Vec3::from(t.ab) * 0.01,
+                    Vec3::from(t.ac) * 0.01,
+                )
+            };
+            soup(seed, count, 1.0).into_iter().map(far).collect()
+        }
+        Kind::Quads => (0..count as u32)
+            .map(|id| {
+                let x = random.below(3);
+                let sides = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
+                let (u, v) = (sides[x as usize] * 0.25, sides[x as usize + 1] * 0.25);
+                let a = (random.point() * 4.0).round() * 0.25;
+                if id % 2 == 0 { triangle(id, a, u, u + v) } else { triangle(id, a, u + v, v) }
+            })
+            .collect(),
+        Kind::Slivers => (0..count as u32)
+            .map(|id| {
+                let along = random.direction();
+                let ac = along * random.unit() + random.point() * 1e-3;
+                triangle(id, random.point(), along, ac)
+            })
+            .collect(),
+        Kind::Duplicates => {
+            let few = soup(seed, count.div_ceil(4), 1.0);
+            // Ids against the order of the array, so that it cannot decide ties.
+            (0..count).map(|i| Triangle { id: (count - 1 - i) as u32, ..few[i % few.len()] }).collect()
+        }
+    }
+}
+
+/// A ray to a point in, at the rim of, or near a triangle; one in four along an axis.
+pub fn aimed_ray(random: &mut Random, target: &Triangle) -> Ray {
+    let (a, ab, ac) = (Vec3::from(target.a), Vec3::from(target.ab), Vec3::from(target.ac));
+    let (u, v) = match random.below(8) {
+        0 => (0.0, random.unit()),
+        1 => (random.unit(), 0.0),
+        2 => [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5)][random.below(4) as usize],
+        3 => (random.signed() * 2.0, random.signed() * 2.0),
+        _ => {
+            let (u, v) = (random.unit(), random.unit());
+            if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) }
+        }
+    };
+    let point = a + u * ab + v * ac;
+    let (origin, direction) = if random.below(4) == 0 {
+        let axis = random.axis();
+        (point - axis * (random.unit() * 4.0), axis)
+    } else {
+        let origin = random.point() * if random.below(4) == 0 { 8.0 } else { 1.5 };
+        (origin, point - origin)
+    };
+    let t_max = match random.below(8) {
+        0 => 1.0,
+        1 => random.unit() * 2.0,
+        _ => f32::MAX,
+    };
+    Ray { origin, direction, t_max }
+}
+
+/// Triangles packed for every traversal, and a frame without a camera.
+pub struct Scene {
+    pub frame: Frame,
+    pub triangles: Vec<Triangle>,
+    pub nodes: Vec<Node>,
+    pub threaded: Vec<ThreadedNode>,
+    /// Entries that a stack needs.
+    pub stack_bound: u32,
+}
+
+impl Scene {
+    pub fn of(triangles: Vec<Triangle>) -> Self {
+        let tree = midpoint::build(&triangles);
+        let box_pad = pack::box_pad(&triangles);
+        let frame = Frame {
+            node_count: tree.nodes.len() as u32,
+            triangle_count: triangles.len() as u32,
+            box_pad,
+            ambient_t_max: f32::MAX,
+            camera_t_max: f32::MAX,
+            seed: 1,
+            pixel_shift: 0.5,
+            ..Frame::default()
+        };
+        Self {
+            frame,
+            triangles: pack::triangles(&tree, &triangles),
+            nodes: pack::nodes(&tree, box_pad),
+            threaded: pack::threaded_nodes(&tree, box_pad),
+            stack_bound: stack_bound(&tree),
+        }
+    }
+
+    /// Looks from `eye` along `forward` at a picture of `width` x `height` pixels, a right angle wide.
+    pub fn look(mut self, eye: Vec3, forward: Vec3, up: Vec3, size: [u32; 2]) -> Self {
+        let right = forward.cross(up);
+        let step = 2.0 / size[0] as f32;
+        self.frame.origin = eye.to_array();
+        self.frame.width = size[0];
+        self.frame.height = size[1];
+        self.frame.direction = (forward - right + up * (step * 0.5 * size[1] as f32)).to_array();
+        self.frame.direction_dx = (right * step).to_array();
+        self.frame.direction_dy = (-up * step).to_array();
+        self
+    }
+
+    pub fn choices(&self, original: bool) -> Choices {
+        let traversal = Traversal::Threaded;
+        Choices { traversal, original, robust_slabs: !original, sampler: SAMPLER_PCG }
+    }
+
+    pub fn inputs(&self) -> Inputs<'_> {
+        Inputs {
+            frame: &self.frame,
+            triangles: &self.triangles,
+            nodes: &self.nodes,
+            threaded: &self.threaded,
+            choices: self.choices(false),
+        }
+    }
+
+    /// The same with another traversal.
+    pub fn by(&self, traversal: Traversal) -> Inputs<'_> {
+        let inputs = self.inputs();
+        Inputs { choices: Choices { traversal, ..inputs.choices }, ..inputs }
+    }
+}

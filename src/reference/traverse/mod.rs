@@ -1,0 +1,29 @@
+//! One method a file, as in shaders/traverse/. The loops have no limit here, so every ray is finished.
+
+pub mod brute;
+pub mod stack;
+pub mod threaded;
+
+use super::ray::{Hit, Ray};
+use super::{Inputs, Traversal};
+
+/// The closest hit, starting from what is known already, and whether the stack overflowed.
+pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
+    match inputs.choices.traversal {
+        Traversal::Brute => (brute::closest_hit(inputs, ray, hit), false),
+        Traversal::Stack { size } => stack::closest_hit(inputs, ray, hit, size),
+        Traversal::Threaded => (threaded::closest_hit(inputs, ray, hit), false),
+    }
+}
+
+/// Whether the ray meets any triangle, and whether the stack overflowed.
+pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
+    match inputs.choices.traversal {
+        Traversal::Brute => (brute::any_hit(inputs, ray), false),
+        Traversal::Stack { size } => stack::any_hit(inputs, ray, size),
+        Traversal::Threaded => (threaded::any_hit(inputs, ray), false),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,131 @@
+//! Which choices a preset makes, and why. The device chooses only what keeps the counts (method,
+//! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
+
+use super::choices::{Accumulator, Method, Offset, Preset, Sampler, Settings, Slabs, Wishes};
+use super::geometry::Geometry;
+use crate::error::{Error, Result};
+use crate::vk::{Adapter, DeviceKind};
+
+/// How kernels read geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accessor {
+    StorageBuffer,
+    TexelBuffer,
+}
+
+impl Accessor {
+    /// As in the names of kernels.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::StorageBuffer => "ssbo",
+            Self::TexelBuffer => "texel",
+        }
+    }
+}
+
+/// A choice with its reason, for `plan`.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Reason {
+    pub what: &'static str,
+    pub choice: String,
+    pub why: String,
+}
+
+/// The settings of a render and where they come from.
+pub struct Decision {
+    pub settings: Settings,
+    pub accessor: Accessor,
+    pub reasons: Vec<Reason>,
+}
+
+/// Below this many triangles testing all of them is no slower than a tree.
+const BRUTE_UP_TO: usize = 8;
+
+/// Makes every choice that `wishes` leaves open.
+pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decision {
+    let mut reasons = Vec::new();
+    let preset = wishes.preset.unwrap_or(Preset::Auto);
+    let mut note = |what, choice: String, why: &str| reasons.push(Reason { what, choice, why: why.to_string() });
+    let asked = "asked for";
+    let settings = match preset {
+        Preset::Original => {
+            let of_original = Settings {
+                preset,
+                method: wishes.method.unwrap_or(Method::Threaded),
+                sampler: wishes.sampler.unwrap_or(Sampler::Lcg),
+                accumulator: wishes.accumulator.unwrap_or(Accumulator::Rgba8),
+                offset: wishes.offset.unwrap_or(Offset::Fixed),
+                slabs: wishes.slabs.unwrap_or(Slabs::Plain),
+            };
+            note("preset", "original".into(), "what the OpenGL original did, faults included");
+            of_original
+        }
+        Preset::Auto => {
+            let (method, why) = match wishes.method {
+                Some(method) => (method, asked.to_string()),
+                None => choose_method(geometry, adapter),
+            };
+            note("method", method.to_string(), &why);
+            let mut choose = |what, wish: Option<&'static str>, default: &'static str, why: &str| {
+                note(what, wish.unwrap_or(default).into(), if wish.is_some() { asked } else { why });
+            };
+            choose("sampler", wishes.sampler.map(Sampler::name), "pcg", "keyed by pixel and sample: order does not matter");
+            choose("accumulator", wishes.accumulator.map(Accumulator::name), "count", "exact, and it adds up in any order");
+            choose("offset", wishes.offset.map(Offset::name), "scaled", "follows the scene's size");
+            choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
+            Settings {
+                preset,
+                method,
+                sampler: wishes.sampler.unwrap_or(Sampler::Pcg),
+                accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
+                offset: wishes.offset.unwrap_or(Offset::Scaled),
+                slabs: wishes.slabs.unwrap_or(Slabs::Robust),
+            }
+        }
+    };
+    let (accessor, why) = choose_accessor(&settings, geometry, adapter);
+    note("accessor", accessor.name().into(), why);
+    note("builder", "midpoint".into(), "the one there is");
+    note("passes", "single".into(), "one kernel does all of a pixel");
+    note("intersector", "moller".into(), "the one there is");
+    Decision { settings, accessor, reasons }
+}
+
+fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
+    let triangles = geometry.triangles.len();
+    if triangles <= BRUTE_UP_TO {
+        return (Method::Brute, format!("{triangles} triangles: a tree would not pay"));
+    }
+    if adapter.kind == DeviceKind::Cpu {
+        return (Method::Threaded, "on a CPU device a stack's memory costs more than the sewn tree's detours".into());
+    }
+    (Method::Threaded, format!("no stack to keep (this tree would need {} entries)", geometry.stack_bound))
+}
+
+/// Mesa's software device reads texel buffers three times faster than storage buffers: the fetch is
+/// inlined, a storage buffer's load under control flow is a loop over lanes. The original had storage
+/// buffers.
+fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) -> (Accessor, &'static str) {
+    let words = geometry.tree.nodes.len().max(geometry.triangles.len() * 3 / 2) as u64 * 2;
+    if settings.preset == Preset::Original {
+        (Accessor::StorageBuffer, "as the original")
+    } else if adapter.kind != DeviceKind::Cpu {
+        (Accessor::StorageBuffer, "a GPU reads storage buffers at full speed")
+    } else if words > adapter.limits.texel_elements {
+        (Accessor::StorageBuffer, "the scene has more words than a texel buffer")
+    } else {
+        (Accessor::TexelBuffer, "a CPU device reads texel buffers faster than storage buffers")
+    }
+}
+
+/// Refuses a stack that a ray could overflow, unless that is allowed.
+pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) -> Result<()> {
+    match method {
+        Method::Stack(entries) if entries < geometry.stack_bound && !allow_overflow => Err(Error::usage(format!(
+            "{method} can overflow: this tree needs up to {} entries; choose --method stack{} or threaded, or \
+             pass --allow-overflow to drop pushes and count the rays that it touches.",
+            geometry.stack_bound, geometry.stack_bound
+        ))),
+        _ => Ok(()),
+    }
+}

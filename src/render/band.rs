@@ -1,0 +1,255 @@
+//! Renders the pixels of one band: ranges recorded into submits, two of them under way at once, and what
+//! the device counted compared with what it was asked for.
+
+use std::collections::VecDeque;
+use std::ops::Range as Span;
+use std::time::Instant;
+
+use super::choices::{Accumulator, Sampler};
+use super::plan::Plan;
+use super::schedule::{Blocks, Pace, Scheduler, Work};
+use super::seeds::lcg_seeds;
+use super::tally::{Tally, Totals};
+use crate::error::{Error, Result};
+use crate::layout::{self, Carry, Count, Counters, FRAME_SAMPLES, Range, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE};
+use crate::vk::{Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard, Image, Pipeline};
+
+/// What all bands share.
+pub struct Inputs<'a> {
+    pub device: &'a Device,
+    pub plan: &'a Plan<'a>,
+    pub pipeline: &'a Pipeline,
+    pub nodes: &'a Buffer,
+    pub triangles: &'a Buffer,
+    pub frame: &'a Buffer,
+    pub image: Option<&'a Image>,
+    pub pace: Pace,
+}
+
+/// A span of pixel numbers and the buffers that hold an element for each of them.
+pub struct Band<'a> {
+    inputs: &'a Inputs<'a>,
+    pixels: Span<u32>,
+    counts: Buffer,
+    seeds: Buffer,
+    carry: Buffer,
+}
+
+/// Where a submit counts what it does.
+struct Slot {
+    counters: Buffer,
+    readback: Buffer,
+}
+
+/// A submit under way.
+struct Flight<'a> {
+    batch: Batch<'a>,
+    ranges: Vec<Range>,
+    slot: &'a Slot,
+}
+
+/// Submits that may be under way at once: the host prepares one while the device works on the other.
+const IN_FLIGHT: usize = 2;
+
+impl<'a> Band<'a> {
+    pub fn new(inputs: &'a Inputs<'a>, begin: u32, end: u32) -> Result<Self> {
+        let Inputs { device, plan, .. } = *inputs;
+        let pixels = u64::from(end - begin);
+        let zeroed = |name, wanted: bool, record: usize| -> Result<Buffer> {
+            let bytes = if wanted { pixels * record as u64 } else { 16 };
+            let buffer = Buffer::new(device, name, BufferUse::Storage, bytes)?;
+            let mut batch = Batch::new(device, 0)?;
+            batch.fill(&buffer, 0);
+            batch.barrier(&[Hazard::Buffer(&buffer, Access::TransferWrite, Access::ShaderWrite)]);
+            batch.submit()?;
+            batch.wait()?;
+            Ok(buffer)
+        };
+        let states = match plan.settings.sampler {
+            Sampler::Lcg => lcg_seeds(begin, end, plan.job.seed),
+            Sampler::Pcg => vec![0; 4],
+        };
+        Ok(Self {
+            inputs,
+            pixels: begin..end,
+            counts: zeroed("counts", counts_rays(plan), size_of::<Count>())?,
+            seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
+            carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
+        })
+    }
+
+    /// All samples of all pixels; returns their counts, if that is what is accumulated.
+    pub fn render(&self, tally: &mut Tally<'_>) -> Result<Vec<Count>> {
+        let mut missing = self.pass(tally, true)?;
+        while missing > 0 {
+            if !counts_rays(self.inputs.plan) {
+                return Err(self.unfinished(missing, "a running mean cannot be taken up again"));
+            }
+            let before = tally.totals.ambient_finished;
+            tally.repeats += 1;
+            missing = self.pass(tally, false)?;
+            if missing > 0 && before == tally.totals.ambient_finished {
+                return Err(self.unfinished(missing, "one ray alone is too long for it"));
+            }
+        }
+        if counts_rays(self.inputs.plan) {
+            Ok(bytemuck::pod_collect_to_vec(&self.counts.read(self.inputs.device)?))
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
+    fn unfinished(&self, rays: u64, why: &str) -> Error {
+        Error::device(format!(
+            "{rays} rays did not come to their end on {} ({why}): choose another --method, --accumulator count or \
+             another device.",
+            self.inputs.device.adapter().name
+        ))
+    }
+
+    /// Goes once over all samples that are not done yet; returns how many rays did not come to their end.
+    /// `first`: no sample is done yet, so it is known how many camera rays there must be.
+    fn pass(&self, tally: &mut Tally<'_>, first: bool) -> Result<u64> {
+        let Inputs { device, plan, pipeline, .. } = *self.inputs;
+        let mut scheduler = self.scheduler();
+        let slots: Vec<Slot> = (0..IN_FLIGHT).map(|_| Slot::new(device)).collect::<Result<_>>()?;
+        let kernels: Vec<BoundKernel<'_>> =
+            slots.iter().map(|slot| pipeline.bind(&self.bindings(slot))).collect::<Result<_>>()?;
+        let mut in_flight: VecDeque<Flight<'_>> = VecDeque::new();
+        let (mut submitted, mut missing) = (0, 0);
+        let mut last_end = Instant::now();
+        loop {
+            while in_flight.len() < IN_FLIGHT {
+                let ranges = scheduler.next_submit();
+                if ranges.is_empty() {
+                    break;
+                }
+                let place = submitted % IN_FLIGHT;
+                submitted += 1;
+                in_flight.push_back(self.submit(&slots[place], &kernels[place], ranges)?);
+            }
+            let Some(Flight { batch, ranges, slot }) = in_flight.pop_front() else { break };
+            let finished = batch.wait()?;
+            let wall_ms = last_end.elapsed().as_secs_f64() * 1e3;
+            last_end = Instant::now();
+            let totals = Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(slot.readback.mapped()?));
+            if first {
+                check_camera_rays(plan, &ranges, &totals)?;
+            }
+            scheduler.measured(&ranges, device_ms(&finished).unwrap_or(wall_ms));
+            missing += totals.missing();
+            tally.add(&ranges, &totals, &finished, wall_ms);
+        }
+        Ok(missing)
+    }
+
+    fn scheduler(&self) -> Scheduler {
+        let plan = self.inputs.plan;
+        let work = Work {
+            pixel_begin: self.pixels.start,
+            pixel_end: self.pixels.end,
+            sample_begin: plan.job.samples.start,
+            sample_end: plan.job.samples.end,
+            triangles: plan.frame.triangle_count,
+            brute: plan.brute(),
+            blocks: if counts_rays(plan) { Blocks::Free } else { Blocks::Frames(FRAME_SAMPLES) },
+        };
+        let scheduler = Scheduler::new(work, self.inputs.pace);
+        match plan.job.block {
+            Some(block) => scheduler.with_block(block),
+            None => scheduler,
+        }
+    }
+
+    fn bindings<'b>(&'b self, slot: &'b Slot) -> Vec<(u32, Binding<'b>)> {
+        let geometry = |buffer| if self.inputs.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
+        let mut bindings = vec![
+            (layout::BINDING_FRAME, Binding::Buffer(self.inputs.frame)),
+            (layout::BINDING_NODES, geometry(self.inputs.nodes)),
+            (layout::BINDING_TRIANGLES, geometry(self.inputs.triangles)),
+            (layout::BINDING_COUNTS, Binding::Buffer(&self.counts)),
+            (layout::BINDING_SEEDS, Binding::Buffer(&self.seeds)),
+            (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
+            (layout::BINDING_COUNTERS, Binding::Buffer(&slot.counters)),
+        ];
+        bindings.extend(self.inputs.image.map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
+        bindings
+    }
+
+    /// Records the ranges one after the other and hands them to the device.
+    fn submit<'b>(&'b self, slot: &'b Slot, kernel: &'b BoundKernel<'b>, ranges: Vec<Range>) -> Result<Flight<'b>> {
+        let mut batch = Batch::new(self.inputs.device, ranges.len() as u32)?;
+        batch.fill(&slot.counters, 0);
+        batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
+        // Pixels up to here may still be worked on, by this submit or the one before.
+        let mut busy_to = self.pixels.end;
+        for range in &ranges {
+            if range.pixel_begin < busy_to {
+                batch.barrier(&self.pixel_hazards());
+                busy_to = range.pixel_begin;
+            }
+            busy_to = busy_to.max(range.pixel_end);
+            let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
+            batch.dispatch(kernel, bytemuck::bytes_of(range), groups, kernel.name());
+        }
+        batch.barrier(&[Hazard::Buffer(&slot.counters, Access::ShaderWrite, Access::TransferRead)]);
+        batch.copy(&slot.counters, &slot.readback, 0, slot.counters.bytes());
+        batch.barrier(&[Hazard::Buffer(&slot.readback, Access::TransferWrite, Access::HostRead)]);
+        batch.submit()?;
+        Ok(Flight { batch, ranges, slot })
+    }
+
+    /// What the kernels keep for each pixel: written by one dispatch, read by the next.
+    fn pixel_hazards(&self) -> Vec<Hazard<'_>> {
+        let plan = self.inputs.plan;
+        let again = |buffer| Hazard::Buffer(buffer, Access::ShaderWrite, Access::ShaderWrite);
+        let mut hazards = Vec::new();
+        if counts_rays(plan) {
+            hazards.push(again(&self.counts));
+        }
+        if plan.settings.sampler == Sampler::Lcg {
+            hazards.push(again(&self.seeds));
+        }
+        if plan.brute() {
+            hazards.push(again(&self.carry));
+        }
+        hazards.extend(self.inputs.image.map(|i| Hazard::Image(i, Access::ShaderWrite, Access::ShaderWrite)));
+        hazards
+    }
+}
+
+impl Slot {
+    fn new(device: &Device) -> Result<Self> {
+        let bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
+        Ok(Self {
+            counters: Buffer::new(device, "counters", BufferUse::Storage, bytes)?,
+            readback: Buffer::new(device, "counters (readback)", BufferUse::Readback, bytes)?,
+        })
+    }
+}
+
+fn counts_rays(plan: &Plan<'_>) -> bool {
+    plan.settings.accumulator == Accumulator::Count
+}
+
+fn device_ms(finished: &Finished) -> Option<f64> {
+    finished.timings.iter().map(|timing| timing.gpu_ms).sum()
+}
+
+/// The device must have begun a camera ray for each pixel of each range.
+fn check_camera_rays(plan: &Plan<'_>, ranges: &[Range], totals: &Totals) -> Result<()> {
+    let starts_rays = |range: &&Range| {
+        range.stage == STAGE_BOTH
+            || range.stage == STAGE_CLOSEST && range.triangle_end == plan.frame.triangle_count
+    };
+    let asked: u64 =
+        ranges.iter().filter(starts_rays).map(|range| plan.tiles.inside(range.pixel_begin, range.pixel_end)).sum();
+    if asked == totals.primary_asked {
+        return Ok(());
+    }
+    Err(Error::device(format!(
+        "The device began {} camera rays where {asked} were asked for: report this with the output of `cousu doctor`, \
+         and choose another device.",
+        totals.primary_asked
+    )))
+}

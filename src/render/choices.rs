@@ -1,0 +1,167 @@
+//! The choices that a render makes, by the names they have on the command line and in results.
+
+use std::fmt;
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+
+macro_rules! choices {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $text:literal,)* })*) => { $(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$vdoc])* $variant,)* }
+
+        impl $name {
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $text,)* }
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl ValueEnum for $name {
+            fn value_variants<'a>() -> &'a [Self] {
+                &[$(Self::$variant,)*]
+            }
+
+            fn to_possible_value(&self) -> Option<PossibleValue> {
+                Some(PossibleValue::new(self.name()))
+            }
+        }
+    )* };
+}
+
+choices! {
+    /// A bundle of choices.
+    Preset {
+        /// The least that scene and device need.
+        Auto = "auto",
+        /// What the OpenGL original did.
+        Original = "original",
+    }
+    /// Where random numbers come from.
+    Sampler {
+        /// The original's generator, from a buffer of seeds; its state is carried along.
+        Lcg = "lcg",
+        /// A hash of pixel, sample, dimension and seed.
+        Pcg = "pcg",
+    }
+    /// How a pixel's rays are added up.
+    Accumulator {
+        /// The original's running mean in 8 bits.
+        Rgba8 = "rgba8",
+        /// The running mean in 32-bit floats.
+        Rgba32f = "rgba32f",
+        /// Escaped and traced rays, exactly.
+        Count = "count",
+    }
+    /// How an ambient ray leaves its surface.
+    Offset {
+        /// 0.01 units of the file along the normal, the original's.
+        Fixed = "fixed",
+        /// 10^-4 of the diagonal of the scene's box.
+        Scaled = "scaled",
+    }
+    /// The test of a ray against a box.
+    Slabs {
+        Plain = "plain",
+        /// No box that the exact ray meets is missed.
+        Robust = "robust",
+    }
+}
+
+/// How a ray finds triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Every triangle.
+    Brute,
+    /// A stack of this many nodes for each ray.
+    Stack(u32),
+    /// A sewn tree, no stack.
+    Threaded,
+}
+
+/// Deepest stack that a kernel is made with.
+pub const MOST_STACK: u32 = 1024;
+
+impl Method {
+    /// The family's name: what kernels are called by.
+    pub fn family(self) -> &'static str {
+        match self {
+            Self::Brute => "brute",
+            Self::Stack(_) => "stack",
+            Self::Threaded => "threaded",
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stack(entries) => write!(f, "stack{entries}"),
+            other => f.write_str(other.family()),
+        }
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "brute" => Ok(Self::Brute),
+            "threaded" | "cousu" => Ok(Self::Threaded),
+            _ => {
+                let entries = text.strip_prefix("stack").and_then(|digits| digits.parse().ok());
+                match entries {
+                    Some(entries) if (1..=MOST_STACK).contains(&entries) => Ok(Self::Stack(entries)),
+                    Some(_) => Err(format!("a stack has 1 to {MOST_STACK} entries")),
+                    None => Err("choose brute, threaded (or cousu), or stackN such as stack16 or stack64".into()),
+                }
+            }
+        }
+    }
+}
+
+/// Every choice made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    pub preset: Preset,
+    pub method: Method,
+    pub sampler: Sampler,
+    pub accumulator: Accumulator,
+    pub offset: Offset,
+    pub slabs: Slabs,
+}
+
+/// Choices made on the command line; the rest is the preset's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wishes {
+    pub preset: Option<Preset>,
+    pub method: Option<Method>,
+    pub sampler: Option<Sampler>,
+    pub accumulator: Option<Accumulator>,
+    pub offset: Option<Offset>,
+    pub slabs: Option<Slabs>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_have_names_both_ways() {
+        for name in ["brute", "stack16", "stack64", "threaded"] {
+            assert_eq!(name.parse::<Method>().unwrap().to_string(), name);
+        }
+        assert_eq!("cousu".parse(), Ok(Method::Threaded));
+        for wrong in ["stack", "stack0", "stack-1", "stack4096", "Brute", ""] {
+            assert!(wrong.parse::<Method>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! A render as plain data (which kernel, which buffers, which pixels and samples) and its execution.
+
+pub mod auto;
+mod band;
+pub mod choices;
+pub mod execute;
+pub mod geometry;
+pub mod picture;
+pub mod plan;
+pub mod schedule;
+pub mod seeds;
+pub mod tally;
+pub mod tiles;

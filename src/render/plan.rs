@@ -1,0 +1,196 @@
+//! What a render does, before any device is touched: kernel, constants, frame, work.
+
+use crate::bvh::Tree;
+use crate::error::{Error, Result};
+use crate::layout::{self, Frame};
+use crate::pack;
+use crate::render::auto::{Accessor, Decision};
+use crate::render::choices::{Method, Offset, Preset, Sampler, Settings, Slabs};
+use crate::render::geometry::Geometry;
+use crate::render::tiles::Tiles;
+use crate::scene::Scene;
+use crate::scene::camera::{Camera, RayModel};
+use crate::vk::Limits;
+
+/// What is asked for beside the choices.
+#[derive(Clone, Debug)]
+pub struct Job {
+    pub camera: Camera,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Ambient rays of each pixel: samples `begin` to `end` of its sequence.
+    pub samples: std::ops::Range<u32>,
+    pub seed: u32,
+    /// Samples of a dispatch, where the scheduler should not choose (tests).
+    pub block: Option<u32>,
+}
+
+/// Plain data that an executor turns into pixels.
+pub struct Plan<'a> {
+    pub job: Job,
+    pub settings: Settings,
+    pub tiles: Tiles,
+    pub frame: Frame,
+    /// Name in `kernels.txt`.
+    pub kernel: String,
+    /// Specialization constants: (id, value).
+    pub constants: Vec<(u32, u32)>,
+    pub texels: bool,
+    pub geometry: &'a Geometry,
+}
+
+/// The original's fixed offset along the normal, units of the file.
+const FIXED_OFFSET: f64 = 0.01;
+/// The scaled offset as a part of the scene's diagonal.
+const SCALED_OFFSET: f64 = 1e-4;
+/// The original's longest ambient ray, units of the file.
+const ORIGINAL_LIMIT: f64 = 1000.0;
+
+impl<'a> Plan<'a> {
+    /// Puts a plan together; refuses what the choices or the device's limits rule out.
+    pub fn new(
+        job: Job,
+        scene: &Scene,
+        geometry: &'a Geometry,
+        decision: &Decision,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let settings = decision.settings;
+        check_job(&job, &settings, limits)?;
+        let original = settings.preset == Preset::Original;
+        let tiles = Tiles { width: job.size.0, height: job.size.1 };
+        let plan = Self {
+            frame: frame(&job, &settings, scene, geometry),
+            kernel: kernel_name(&settings, decision.accessor),
+            constants: vec![
+                (layout::SPEC_STACK_SIZE, if let Method::Stack(entries) = settings.method { entries } else { 1 }),
+                (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
+                (layout::SPEC_ORIGINAL, u32::from(original)),
+                (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
+            ],
+            texels: decision.accessor == Accessor::TexelBuffer,
+            job,
+            settings,
+            tiles,
+            geometry,
+        };
+        plan.check_buffers(scene, limits)?;
+        Ok(plan)
+    }
+
+    pub fn brute(&self) -> bool {
+        self.settings.method == Method::Brute
+    }
+
+    /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
+    pub fn node_bytes(&self) -> Vec<u8> {
+        let tree = &self.geometry.tree;
+        match self.settings.method {
+            Method::Brute => vec![0; 16],
+            Method::Stack(_) => bytemuck::cast_slice(&pack::nodes(tree, self.frame.box_pad)).to_vec(),
+            Method::Threaded if self.settings.preset == Preset::Original => {
+                bytemuck::cast_slice(&pack::threaded_nodes48(tree, self.frame.box_pad)).to_vec()
+            }
+            Method::Threaded => bytemuck::cast_slice(&pack::threaded_nodes(tree, self.frame.box_pad)).to_vec(),
+        }
+    }
+
+    fn node_record_bytes(&self) -> usize {
+        match self.settings.method {
+            Method::Brute => 0,
+            Method::Threaded if self.settings.preset == Preset::Original => size_of::<layout::ThreadedNode48>(),
+            _ => size_of::<layout::Node>(),
+        }
+    }
+
+    fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
+        let Tree { nodes, order } = &self.geometry.tree;
+        let node_bytes = (nodes.len() * self.node_record_bytes()) as u64;
+        let triangle_bytes = (order.len() * size_of::<layout::Triangle>()) as u64;
+        let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
+        let largest = node_bytes.max(triangle_bytes);
+        if largest > limit {
+            return Err(Error::input(format!(
+                "{} has {} triangles, which take a buffer of {} MB where this device reads at most {} MB with {}: \
+                 choose another --method or device, or a smaller scene.",
+                scene.path,
+                order.len(),
+                largest / 1_000_000,
+                limit / 1_000_000,
+                self.settings.method
+            )));
+        }
+        Ok(())
+    }
+}
+
+fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
+    let side = limits.image_side;
+    if job.size.0.max(job.size.1) > side {
+        return Err(Error::usage(format!(
+            "--size {}x{} is beyond this device's limit of {side} pixels a side: choose a smaller size.",
+            job.size.0, job.size.1
+        )));
+    }
+    if (Tiles { width: job.size.0, height: job.size.1 }).padded_pixels() > u64::from(u32::MAX) {
+        return Err(Error::usage(format!(
+            "--size {}x{} has more than 2^32 pixels: choose a smaller size.",
+            job.size.0, job.size.1
+        )));
+    }
+    let samples = job.samples.len() as u32;
+    if settings.preset == Preset::Original && samples % layout::FRAME_SAMPLES != 0 {
+        return Err(Error::usage(format!(
+            "The original traces {} rays a frame: choose a multiple of it for --spp, not {samples}.",
+            layout::FRAME_SAMPLES
+        )));
+    }
+    Ok(())
+}
+
+fn sampler_code(sampler: Sampler) -> u32 {
+    match sampler {
+        Sampler::Lcg => layout::SAMPLER_LCG,
+        Sampler::Pcg => layout::SAMPLER_PCG,
+    }
+}
+
+/// The row of `kernels.txt` for these choices.
+fn kernel_name(settings: &Settings, accessor: Accessor) -> String {
+    let of_original = settings.preset == Preset::Original && settings.method == Method::Threaded;
+    let traverse = if of_original { "threaded48" } else { settings.method.family() };
+    format!("ambient/{traverse}/{}/{}", settings.accumulator, accessor.name())
+}
+
+fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> Frame {
+    let original = settings.preset == Preset::Original;
+    let model = if original { RayModel::NearToFar } else { RayModel::Eye };
+    let placement = &geometry.placement;
+    let rays = job.camera.rays(&scene.bounds, placement, job.size, model);
+    let offset = match settings.offset {
+        Offset::Fixed => FIXED_OFFSET,
+        Offset::Scaled => SCALED_OFFSET * scene.bounds.diagonal(),
+    };
+    let vector = |v: glam::DVec3| v.as_vec3().to_array();
+    Frame {
+        origin: vector(rays.origin[0]),
+        camera_t_max: rays.t_max as f32,
+        origin_dx: vector(rays.origin[1]),
+        width: job.size.0,
+        origin_dy: vector(rays.origin[2]),
+        height: job.size.1,
+        direction: vector(rays.direction[0]),
+        offset: placement.length(offset) as f32,
+        direction_dx: vector(rays.direction[1]),
+        ambient_t_max: if original { placement.length(ORIGINAL_LIMIT) as f32 } else { f32::MAX },
+        direction_dy: vector(rays.direction[2]),
+        seed: job.seed,
+        node_count: geometry.tree.nodes.len() as u32,
+        triangle_count: geometry.triangles.len() as u32,
+        pixel_shift: rays.pixel_shift as f32,
+        box_pad: if settings.slabs == Slabs::Robust { geometry.box_pad } else { 0.0 },
+        sample_base: job.samples.start,
+        ..Frame::default()
+    }
+}
+

@@ -1,0 +1,286 @@
+//! Cutting a render into dispatches and submits: small enough for the driver's patience and the
+//! shader's loop limit, large enough to keep the device busy. Pure: it sees counts and times only.
+
+use std::collections::VecDeque;
+use std::ops;
+
+use crate::layout::{Range, STAGE_ANY, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE};
+
+/// What a device likes, before anything was measured on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Rays per ms to expect of a tree traversal, on the low side.
+    pub rays_per_ms: f64,
+    /// How long a dispatch may last, ms.
+    pub dispatch_ms: f64,
+    /// How long a submit may last, ms.
+    pub submit_ms: f64,
+    /// Most workgroups of a dispatch.
+    pub workgroups: u32,
+    /// Most loop iterations of an invocation, over all its loops.
+    pub loop_iterations: Option<u32>,
+}
+
+/// How a pixel's samples may be cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blocks {
+    /// Anywhere: counts add up in any order.
+    Free,
+    /// Every so many samples, in order: running means depend on it.
+    Frames(u32),
+}
+
+/// The work of one band of pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Work {
+    pub pixel_begin: u32,
+    pub pixel_end: u32,
+    pub sample_begin: u32,
+    pub sample_end: u32,
+    pub triangles: u32,
+    /// Every ray tests every triangle (and can be stopped between two).
+    pub brute: bool,
+    pub blocks: Blocks,
+}
+
+/// Most samples of a dispatch where nothing else limits them: camera rays are then 0.1% of the work.
+const MOST_BLOCK: u32 = 1024;
+/// Most triangles of a dispatch, so that one ray cannot hold up a device for long.
+const MOST_PART: u32 = 1 << 20;
+/// Ranges of one submit.
+const MOST_RANGES: usize = 256;
+
+/// Hands out the ranges of a [`Work`].
+pub struct Scheduler {
+    work: Work,
+    pace: Pace,
+    block: u32,
+    part: u32,
+    next_pixel: u32,
+    next_sample: u32,
+    ready: VecDeque<Range>,
+    rays_per_ms: f64,
+}
+
+impl Scheduler {
+    pub fn new(work: Work, pace: Pace) -> Self {
+        let budget = pace.loop_iterations.map(|limit| limit - limit / 8);
+        // A tree's ray visits some multiple of log n nodes; a kernel that still runs out of iterations
+        // says so, and its pixels are taken up again.
+        let steps_of_ray = if work.brute { work.triangles + 2 } else { 64 + 32 * (work.triangles + 1).ilog2() };
+        let block = budget.map_or(MOST_BLOCK, |budget| (budget / steps_of_ray).saturating_sub(1).clamp(1, MOST_BLOCK));
+        let part = if work.brute {
+            let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);
+            two_rays.min(MOST_PART)
+        } else {
+            u32::MAX
+        };
+        let slowness = if work.brute { (f64::from(work.triangles) / 50.0).max(1.0) } else { 1.0 };
+        Self {
+            work,
+            pace,
+            block: match work.blocks {
+                Blocks::Free => block,
+                Blocks::Frames(samples) => samples,
+            },
+            part,
+            next_pixel: work.pixel_begin,
+            next_sample: work.sample_begin,
+            ready: VecDeque::new(),
+            rays_per_ms: pace.rays_per_ms / slowness,
+        }
+    }
+
+    /// Overrides the number of samples of a dispatch.
+    pub fn with_block(mut self, block: u32) -> Self {
+        self.block = block.max(1);
+        self
+    }
+
+    /// Ranges for the next submit; none when all were handed out.
+    pub fn next_submit(&mut self) -> Vec<Range> {
+        let patience = self.rays_per_ms * self.pace.submit_ms;
+        let mut ranges = Vec::new();
+        let mut rays = 0.0;
+        while ranges.len() < MOST_RANGES && (ranges.is_empty() || rays < patience) {
+            if self.ready.is_empty() {
+                self.prepare();
+            }
+            let Some(range) = self.ready.pop_front() else { break };
+            rays += self.rays(&range);
+            ranges.push(range);
+        }
+        ranges
+    }
+
+    /// Learns from a submit that took `ms`.
+    pub fn measured(&mut self, ranges: &[Range], ms: f64) {
+        let rays: f64 = ranges.iter().map(|range| self.rays(range)).sum();
+        if ms > 0.0 && rays > 0.0 {
+            // A first small dispatch tells little: go up by leaps, not out of sight.
+            self.rays_per_ms = (rays / ms).clamp(self.rays_per_ms / 16.0, self.rays_per_ms * 16.0);
+        }
+    }
+
+    /// Rays of a range if every camera ray hits; those of a part of the triangles count as a part.
+    fn rays(&self, range: &Range) -> f64 {
+        let pixels = f64::from(range.pixel_end - range.pixel_begin);
+        let samples = f64::from(range.sample_end - range.sample_begin);
+        let rays = match range.stage {
+            STAGE_CLOSEST => 1.0,
+            STAGE_ANY => samples,
+            _ => 1.0 + samples,
+        };
+        let share = f64::from(range.triangle_end - range.triangle_begin) / f64::from(self.work.triangles.max(1));
+        pixels * rays * share
+    }
+
+    /// Makes the ranges of the next pixels and samples.
+    fn prepare(&mut self) {
+        if self.next_sample >= self.work.sample_end {
+            return;
+        }
+        let samples = self.next_sample..self.next_sample.saturating_add(self.block).min(self.work.sample_end);
+        let per_pixel = f64::from(samples.end - samples.start + 1);
+        let wanted = self.rays_per_ms * self.pace.dispatch_ms / per_pixel / f64::from(WORKGROUP_SIZE);
+        let groups = (wanted as u32).clamp(1, self.pace.workgroups);
+        let begin = self.next_pixel;
+        let end = begin.saturating_add(groups.saturating_mul(WORKGROUP_SIZE)).min(self.work.pixel_end);
+        let whole = Range {
+            pixel_begin: begin,
+            pixel_end: end,
+            sample_begin: samples.start,
+            sample_end: samples.end,
+            triangle_begin: 0,
+            triangle_end: self.work.triangles,
+            pixel_base: self.work.pixel_begin,
+            stage: STAGE_BOTH,
+        };
+        if self.work.triangles <= self.part {
+            self.ready.push_back(whole);
+        } else {
+            self.prepare_parts(whole, samples.clone());
+        }
+        self.next_pixel = end;
+        if end >= self.work.pixel_end {
+            self.next_pixel = self.work.pixel_begin;
+            self.next_sample = samples.end;
+        }
+    }
+
+    /// The camera rays, then each sample's rays, through one part of the triangles after the other.
+    fn prepare_parts(&mut self, whole: Range, samples: ops::Range<u32>) {
+        let mut stage = |stage: u32, sample: u32| {
+            let mut first = 0;
+            while first < self.work.triangles {
+                let last = first.saturating_add(self.part).min(self.work.triangles);
+                self.ready.push_back(Range {
+                    sample_begin: sample,
+                    sample_end: sample + 1,
+                    triangle_begin: first,
+                    triangle_end: last,
+                    stage,
+                    ..whole
+                });
+                first = last;
+            }
+        };
+        stage(STAGE_CLOSEST, samples.start);
+        for sample in samples {
+            stage(STAGE_ANY, sample);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CPU: Pace = Pace {
+        rays_per_ms: 500.0,
+        dispatch_ms: 100.0,
+        submit_ms: 250.0,
+        workgroups: 65_535,
+        loop_iterations: Some(65_535),
+    };
+
+    fn work(triangles: u32, brute: bool, blocks: Blocks) -> Work {
+        Work { pixel_begin: 64, pixel_end: 64 * 101, sample_begin: 3, sample_end: 200, triangles, brute, blocks }
+    }
+
+    fn all(work: Work, pace: Pace) -> Vec<Range> {
+        let mut scheduler = Scheduler::new(work, pace);
+        let mut ranges = Vec::new();
+        loop {
+            let submit = scheduler.next_submit();
+            if submit.is_empty() {
+                return ranges;
+            }
+            scheduler.measured(&submit, 37.0);
+            ranges.extend(submit);
+        }
+    }
+
+    #[test]
+    fn every_pixel_gets_every_sample_once() {
+        for work in [work(5456, false, Blocks::Free), work(32, true, Blocks::Free), work(9, false, Blocks::Frames(4))] {
+            let mut seen = vec![0u8; 101 * 200];
+            for range in all(work, CPU) {
+                assert_eq!((range.pixel_base, range.stage), (64, STAGE_BOTH));
+                for tile in range.pixel_begin / 64..range.pixel_end / 64 {
+                    for sample in range.sample_begin..range.sample_end {
+                        seen[(tile * 200 + sample) as usize] += 1;
+                    }
+                }
+            }
+            for tile in 0..101 {
+                for sample in 0..200 {
+                    assert_eq!(seen[tile * 200 + sample], u8::from(tile >= 1 && sample >= 3));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_invocation_keeps_within_the_loop_limit() {
+        for triangles in [1, 32, 5456, 40_000, 3_000_000] {
+            for range in all(Work { pixel_end: 128, sample_end: 8, ..work(triangles, true, Blocks::Free) }, CPU) {
+                let tests = u64::from(range.triangle_end - range.triangle_begin);
+                let rays = u64::from(range.sample_end - range.sample_begin) + u64::from(range.stage == STAGE_BOTH);
+                assert!(tests * rays <= 65_535, "{range:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn parts_cover_all_triangles_for_the_camera_ray_and_each_sample() {
+        let work = Work { pixel_end: 128, sample_end: 6, ..work(100_000, true, Blocks::Free) };
+        let ranges = all(work, CPU);
+        let closest: u32 = sum_of(&ranges, STAGE_CLOSEST);
+        assert_eq!(closest % 100_000, 0);
+        assert_eq!(sum_of(&ranges, STAGE_ANY), 3 * 100_000);
+    }
+
+    fn sum_of(ranges: &[Range], stage: u32) -> u32 {
+        ranges.iter().filter(|range| range.stage == stage).map(|range| range.triangle_end - range.triangle_begin).sum()
+    }
+
+    #[test]
+    fn frames_stay_whole_and_in_order() {
+        let mut next = vec![3; 101];
+        for range in all(work(9, false, Blocks::Frames(4)), CPU) {
+            assert!(range.sample_end - range.sample_begin == 4 || range.sample_end == 200);
+            for tile in range.pixel_begin / 64..range.pixel_end / 64 {
+                assert_eq!(next[tile as usize], range.sample_begin);
+                next[tile as usize] = range.sample_end;
+            }
+        }
+    }
+
+    #[test]
+    fn a_fast_device_gets_one_dispatch() {
+        let pace = Pace { rays_per_ms: 1e6, loop_iterations: None, ..CPU };
+        let whole = Work { pixel_begin: 0, pixel_end: 1 << 20, sample_begin: 0, sample_end: 64, ..work(9, false, Blocks::Free) };
+        assert_eq!(all(whole, pace).len(), 1);
+    }
+}

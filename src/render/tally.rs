@@ -1,0 +1,120 @@
+//! What the device reported of its work, summed up.
+
+use std::collections::BTreeMap;
+
+use super::plan::Plan;
+use crate::layout::{Counters, Range, STAGE_CLOSEST};
+use crate::vk::Finished;
+
+/// Time and number of the dispatches of one kernel.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct KernelTime {
+    pub name: String,
+    /// Summed device time; the host's waiting time where the device has no timestamps.
+    pub gpu_ms: f64,
+    pub dispatches: u64,
+}
+
+/// How far a render is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// In [0, 1].
+    pub done: f64,
+    /// Rays traced so far.
+    pub rays: u64,
+    /// Device time so far.
+    pub gpu_ms: f64,
+}
+
+/// Sums of [`Counters`] over slots and submits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Totals {
+    pub primary_asked: u64,
+    pub primary_finished: u64,
+    pub ambient_asked: u64,
+    pub ambient_finished: u64,
+    pub overflowed: u64,
+}
+
+impl Totals {
+    pub fn of(slots: &[Counters]) -> Self {
+        let sum = |field: fn(&Counters) -> u32| slots.iter().map(|slot| u64::from(field(slot))).sum();
+        Self {
+            primary_asked: sum(|slot| slot.primary_asked),
+            primary_finished: sum(|slot| slot.primary_finished),
+            ambient_asked: sum(|slot| slot.ambient_asked),
+            ambient_finished: sum(|slot| slot.ambient_finished),
+            overflowed: sum(|slot| slot.overflowed),
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.primary_asked += other.primary_asked;
+        self.primary_finished += other.primary_finished;
+        self.ambient_asked += other.ambient_asked;
+        self.ambient_finished += other.ambient_finished;
+        self.overflowed += other.overflowed;
+    }
+
+    /// Rays that were begun and not brought to their end.
+    pub fn missing(&self) -> u64 {
+        (self.primary_asked + self.ambient_asked).saturating_sub(self.primary_finished + self.ambient_finished)
+    }
+}
+
+/// Sums over a whole render.
+pub struct Tally<'a> {
+    pub totals: Totals,
+    pub kernels: BTreeMap<String, KernelTime>,
+    pub submits: u64,
+    pub repeats: u32,
+    /// Pixels times samples, done and in all.
+    done: f64,
+    all: f64,
+    triangles: u32,
+    observe: &'a mut dyn FnMut(&Progress),
+}
+
+impl<'a> Tally<'a> {
+    pub fn new(plan: &Plan<'_>, observe: &'a mut dyn FnMut(&Progress)) -> Self {
+        Self {
+            totals: Totals::default(),
+            kernels: BTreeMap::new(),
+            submits: 0,
+            repeats: 0,
+            done: 0.0,
+            triangles: plan.frame.triangle_count,
+            all: plan.tiles.padded_pixels() as f64 * plan.job.samples.len() as f64,
+            observe,
+        }
+    }
+
+    /// Adds a finished submit: what it did, how long each dispatch took. `wall_ms`: for devices without
+    /// timestamps.
+    pub fn add(&mut self, ranges: &[Range], totals: &Totals, finished: &Finished, wall_ms: f64) {
+        self.totals.add(totals);
+        self.submits += 1;
+        let share = wall_ms / finished.timings.len().max(1) as f64;
+        for timing in &finished.timings {
+            let kernel = self.kernels.entry(timing.label.clone()).or_insert_with(|| KernelTime {
+                name: timing.label.clone(),
+                gpu_ms: 0.0,
+                dispatches: 0,
+            });
+            kernel.gpu_ms += timing.gpu_ms.unwrap_or(share);
+            kernel.dispatches += 1;
+        }
+        for range in ranges {
+            // A sample is done with the last part of the triangles.
+            if range.stage != STAGE_CLOSEST && range.triangle_end == self.triangles {
+                let samples = f64::from(range.sample_end - range.sample_begin);
+                self.done += f64::from(range.pixel_end - range.pixel_begin) * samples;
+            }
+        }
+        (self.observe)(&Progress {
+            done: if self.all > 0.0 { (self.done / self.all).min(1.0) } else { 1.0 },
+            rays: self.totals.primary_finished + self.totals.ambient_finished,
+            gpu_ms: self.kernels.values().map(|kernel| kernel.gpu_ms).sum(),
+        });
+    }
+}

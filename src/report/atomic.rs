@@ -1,0 +1,128 @@
+//! Files that appear whole or not at all: written beside their place, then renamed.
+
+use std::fs::{self, File, Permissions};
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::error::{Error, Result};
+
+/// A place for a result, claimed before the work begins so that a folder which cannot be written is
+/// known at once. Nothing is left behind if it is dropped.
+pub struct Output {
+    path: PathBuf,
+    target: Target,
+}
+
+enum Target {
+    Beside(NamedTempFile),
+    /// A device or a pipe: nothing to rename.
+    Direct(File),
+}
+
+/// What results are written to.
+pub trait WriteSeek: Write + Seek {}
+impl<T: Write + Seek> WriteSeek for T {}
+
+impl Output {
+    pub fn claim(path: &Path) -> Result<Self> {
+        let fail = |error: io::Error| Error::other(cannot_write(path, &error));
+        match fs::metadata(path) {
+            Ok(found) if found.is_dir() => {
+                return Err(Error::usage(format!("{} is a folder: name a file in it.", path.display())));
+            }
+            Ok(found) if !found.is_file() => {
+                let file = File::options().write(true).open(path).map_err(fail)?;
+                return Ok(Self { path: path.to_path_buf(), target: Target::Direct(file) });
+            }
+            _ => {}
+        }
+        // Through a link to the file itself, so that the link stays one.
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let folder = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".cousu-");
+        #[cfg(unix)]
+        let permissions: Permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+        #[cfg(unix)]
+        builder.permissions(permissions);
+        let file = builder.tempfile_in(folder).map_err(fail)?;
+        Ok(Self { path, target: Target::Beside(file) })
+    }
+
+    /// Writes the content and puts the file in its place.
+    pub fn write(self, content: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>) -> Result<()> {
+        let Self { path, target } = self;
+        let fail = |error: io::Error| Error::other(cannot_write(&path, &error));
+        match target {
+            Target::Direct(mut file) => {
+                // Encoders seek; a pipe cannot.
+                let mut whole = io::Cursor::new(Vec::new());
+                content(&mut whole).and_then(|()| file.write_all(whole.get_ref())).map_err(fail)
+            }
+            Target::Beside(mut file) => {
+                let mut writer = BufWriter::new(file.as_file_mut());
+                content(&mut writer).and_then(|()| writer.flush()).map_err(fail)?;
+                drop(writer);
+                file.as_file().sync_all().map_err(fail)?;
+                file.persist(&path).map_err(|error| fail(error.error))?;
+                Ok(())
+            }
+        }
+    }
+}
+
+fn cannot_write(path: &Path, error: &io::Error) -> String {
+    let advice = match error.kind() {
+        io::ErrorKind::NotFound => "its folder does not exist: create it",
+        io::ErrorKind::PermissionDenied => "permission was denied: choose another folder",
+        io::ErrorKind::StorageFull => "the disk is full: make room or choose another folder",
+        _ => return format!("{} could not be written ({error}): choose another place.", path.display()),
+    };
+    format!("{} could not be written, because {advice}.", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result");
+        fs::write(&path, "old").unwrap();
+        let broken = Output::claim(&path).unwrap().write(|out| {
+            out.write_all(b"half")?;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        });
+        assert!(broken.unwrap_err().to_string().contains("disk is full"));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        Output::claim(&path).unwrap().write(|out| out.write_all(b"new")).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        drop(Output::claim(&path).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside");
+    }
+
+    #[test]
+    fn places_that_cannot_be_written_are_known_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = |path: &Path| Output::claim(path).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(said(folder.path()).contains("is a folder"));
+        assert!(said(&folder.path().join("missing/file")).contains("does not exist"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_device_is_written_to_and_stays_one() {
+        use std::os::unix::fs::FileTypeExt;
+        let null = Path::new("/dev/null");
+        Output::claim(null).unwrap().write(|out| out.write_all(b"gone")).unwrap();
+        assert!(fs::metadata(null).unwrap().file_type().is_char_device());
+        let full = Output::claim(Path::new("/dev/full")).unwrap().write(|out| out.write_all(b"x"));
+        assert!(full.unwrap_err().to_string().contains("disk is full"));
+    }
+}

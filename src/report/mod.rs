@@ -1,0 +1,7 @@
+//! Results as files: one output format a file.
+
+pub mod atomic;
+pub mod exr;
+pub mod manifest;
+pub mod png;
+pub mod record;
