@@ -220,6 +220,7 @@ constants! {
     SPEC_SAMPLER = 1;
     SPEC_ORIGINAL = 2;
     SPEC_ROBUST_SLABS = 3;
+    SPEC_LEAF_SIZE = 4;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

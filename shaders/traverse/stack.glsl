@@ -2,6 +2,8 @@
 // tests its box and pushes left, then right; a leaf's box is never tested.
 // Twin: src/reference/traverse/stack.rs.
 
+#include "leaf.glsl"
+
 CONSTANT(SPEC_STACK_SIZE, int, STACK_SIZE, 64);
 
 int stack[STACK_SIZE];
@@ -43,11 +45,7 @@ bool closest_hit(Ray ray, inout Hit hit) {
     int last;
     int first = next_leaf(slabs, box_limit(hit.t), last);
     while (first >= 0) {
-        int i = first;
-        for (; i <= last; i++) {
-            closest_of_triangle(ray, slabs, i, hit);
-        }
-        finished = finished && i > last;
+        finished = closest_of_leaf(ray, slabs, first, last, hit) && finished;
         first = next_leaf(slabs, box_limit(hit.t), last);
     }
     return finished && first < 0 && stack_top == 0;
@@ -61,11 +59,7 @@ bool any_hit(Ray ray, inout bool occluded) {
     int last;
     int first = next_leaf(slabs, box_limit(ray.t_max), last);
     while (first >= 0 && !occluded) {
-        int i = first;
-        for (; i <= last && !occluded; i++) {
-            occluded = any_of_triangle(ray, slabs, i);
-        }
-        finished = finished && (occluded || i > last);
+        finished = any_of_leaf(ray, slabs, first, last, occluded) && finished;
         if (!occluded) first = next_leaf(slabs, box_limit(ray.t_max), last);
     }
     return occluded || (finished && first < 0 && stack_top == 0);

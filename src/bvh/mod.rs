@@ -62,6 +62,15 @@ pub struct Tree {
 }
 
 impl Tree {
+    /// Most triangles in a leaf.
+    pub fn largest_leaf(&self) -> u32 {
+        let counts = self.nodes.iter().map(|node| match node.content {
+            Content::Inner { .. } => 0,
+            Content::Leaf { count, .. } => count,
+        });
+        counts.max().unwrap_or(0)
+    }
+
     /// Levels below the root: 0 for a lone leaf.
     pub fn depth(&self) -> u32 {
         let mut depths = vec![0u32; self.nodes.len()];

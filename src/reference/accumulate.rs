@@ -23,8 +23,8 @@ pub fn new_mean(mean: f32, sum: f32, samples: &Range<u32>) -> f32 {
 /// What an rgba8 image keeps of a value: the nearest of 256 steps (of two the even one), NaN as 0; read
 /// back as that step times the rounded 1/255, as Mesa's software device does (a device that divides by 255
 /// differs by an ulp for some steps).
+#[expect(clippy::manual_clamp, reason = "clamp keeps a NaN, max gives the other value")]
 pub fn eight_bits(x: f32) -> f32 {
-    // `max` with a NaN gives the other value.
     let step = (x.max(0.0).min(1.0) * 255.0).round_ties_even();
     step * (1.0 / 255.0)
 }

@@ -13,28 +13,26 @@
 //! With s = o - a, p = d x ac, q = s x ab this bounds the numerators det = ab . p, u det = s . p,
 //! v det = d . q and t det = ac . q. Where nothing is zero it comes to at most gamma(5) for det and gamma(6)
 //! for the others times the sum of the absolute values of the products involved; where rays and edges lie
-//! along axes, most of that falls away. u + v rounds once more. A quotient adds 5 e: the reciprocal's 2 ulp
-//! and the product. The values themselves are f64's, whose errors are 2^-29 of these; one part in
-//! 1000 is added for them.
+//! along axes, most of that falls away. u + v rounds once more. A quotient adds 3 e: the reciprocal's 2 e
+//! (measured over all f32, see its test) and the product's. The values themselves are f64's, whose errors
+//! are 2^-29 of these; one part in 1000 is added for them.
 //!
 //! Lastly a hit must lie in the triangle's own box, and is not nearer than it. Slabs move t by no
 //! more than 8 ulp; where the bound reaches out of the box, a hit is doubtful.
 //!
 //! This judges the guarded intersector; the original's has no bound (its roundings are the driver's).
 
-use std::ops::{Add, Mul, Sub};
+mod bounded;
+#[cfg(test)]
+mod tests;
+
+use bounded::{Bounded, E, SPARE, TINY, cross, dot, largest};
 
 use super::Inputs;
 use super::intersect::{SMALLEST_DETERMINANT, padded_box};
 use super::slabs::at_least_smallest;
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
 
-/// Unit roundoff of f32.
-const E: f64 = 1.0 / 16_777_216.0;
-/// For the errors of f64 and of second order.
-const SPARE: f64 = 1.001;
-/// Smallest normal f32: what a product may lose to underflow.
-const TINY: f64 = f32::MIN_POSITIVE as f64;
 /// 2^120: products beyond this may overflow in f32, where three of them are added.
 const HUGE: f64 = 1.329_227_995_784_916e36;
 /// 8 ulp, a relative error of an f32.
@@ -91,78 +89,6 @@ pub enum Verdict {
     Doubtful(Option<Meeting>),
 }
 
-/// A value, and how far off the f32 one may be.
-#[derive(Clone, Copy)]
-struct Bounded {
-    value: f64,
-    error: f64,
-}
-
-impl Bounded {
-    fn exact(value: f32) -> Self {
-        Self { value: f64::from(value), error: 0.0 }
-    }
-
-    fn is_zero(self) -> bool {
-        self.value == 0.0 && self.error == 0.0
-    }
-
-    /// Distance above zero in units of the error; `at_zero` where it is zero for certain.
-    fn margin(self, at_zero: f64) -> f64 {
-        if self.is_zero() { at_zero } else { self.value / self.error }
-    }
-}
-
-impl Mul for Bounded {
-    type Output = Self;
-
-    fn mul(self, other: Self) -> Self {
-        if self.is_zero() || other.is_zero() {
-            return Self::exact(0.0);
-        }
-        let value = self.value * other.value;
-        let before =
-            self.value.abs() * other.error + other.value.abs() * self.error + self.error * other.error;
-        Self { value, error: before + E * (value.abs() + before) + TINY }
-    }
-}
-
-impl Add for Bounded {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        if self.is_zero() || other.is_zero() {
-            return if self.is_zero() { other } else { self };
-        }
-        let value = self.value + other.value;
-        let before = self.error + other.error;
-        Self { value, error: before + E * (value.abs() + before) }
-    }
-}
-
-impl Sub for Bounded {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        self + Self { value: -other.value, ..other }
-    }
-}
-
-type Vector = [Bounded; 3];
-
-fn dot(a: Vector, b: Vector) -> Bounded {
-    let sum = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    Bounded { error: SPARE * sum.error, ..sum }
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn largest(v: Vector) -> f64 {
-    v.map(|component| component.value.abs()).into_iter().fold(0.0, f64::max)
-}
-
 /// The numerators of Möller–Trumbore: [det, u det, v det, t det]; none where f32 may overflow.
 fn numerators(ray: &RayRecord, triangle: &Triangle) -> Option<[Bounded; 4]> {
     let [o, d, a, ab, ac] = [ray.origin, ray.direction, triangle.a, triangle.ab, triangle.ac]
@@ -175,11 +101,11 @@ fn numerators(ray: &RayRecord, triangle: &Triangle) -> Option<[Bounded; 4]> {
 }
 
 pub fn verdict(ray: &RayRecord, triangle: &Triangle, rules: &Rules) -> Verdict {
-    let Some([det, u, v, t]) = numerators(ray, triangle) else { return Verdict::Doubtful(None) };
-    if [det, u, v, t].iter().any(|numerator| numerator.value.is_nan()) {
-        // Every comparison of the shader is false.
+    if ray.origin.iter().chain(&ray.direction).any(|component| component.is_nan()) {
+        // det or u is NaN, and every comparison of the shader is false.
         return Verdict::Miss { margin: f64::INFINITY };
     }
+    let Some([det, u, v, t]) = numerators(ray, triangle) else { return Verdict::Doubtful(None) };
     let size = det.value.abs();
     let smallest = f64::from(SMALLEST_DETERMINANT);
     if size + det.error <= smallest {
@@ -215,9 +141,9 @@ pub fn verdict(ray: &RayRecord, triangle: &Triangle, rules: &Rules) -> Verdict {
         t: t.value / size,
         u: u.value / size,
         v: v.value / size,
-        t_error: error(t, 5.0 * E + EIGHT_ULP),
-        u_error: error(u, 5.0 * E),
-        v_error: error(v, 5.0 * E),
+        t_error: error(t, 3.0 * E + EIGHT_ULP),
+        u_error: error(u, 3.0 * E),
+        v_error: error(v, 3.0 * E),
         margin: least,
     };
     within_reach(ray, triangle, rules, meeting)
@@ -425,6 +351,3 @@ impl ExactAny {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

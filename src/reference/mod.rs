@@ -21,10 +21,10 @@ mod tests;
 
 use std::ops::Range;
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{Count, Frame, HitRecord, NO_HIT, Node, RayRecord, ThreadedNode, Triangle};
-use glam::Vec3;
 use ray::{Hit, Ray, no_hit};
 use surface::{ambient_ray, original_weight, pcg_numbers, sample_numbers, surface_at, surface_nowhere};
 

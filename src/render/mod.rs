@@ -7,6 +7,7 @@ pub mod execute;
 pub mod geometry;
 pub mod picture;
 pub mod plan;
+pub mod raylist;
 pub mod schedule;
 pub mod seeds;
 pub mod tally;

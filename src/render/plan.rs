@@ -67,6 +67,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
+                (layout::SPEC_LEAF_SIZE, geometry.tree.largest_leaf()),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
             job,
@@ -80,6 +81,16 @@ impl<'a> Plan<'a> {
 
     pub fn brute(&self) -> bool {
         self.settings.method == Method::Brute
+    }
+
+    /// The accessor's name in `kernels.txt`.
+    pub fn accessor_name(&self) -> &'static str {
+        if self.texels { Accessor::TexelBuffer.name() } else { Accessor::StorageBuffer.name() }
+    }
+
+    /// The triangles as the kernel reads them.
+    pub fn triangle_bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.geometry.triangles)
     }
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.

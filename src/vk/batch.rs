@@ -205,40 +205,51 @@ impl<'a> Batch<'a> {
 
     /// Brings a new image into its layout and sets all of it to 0, ready for kernels.
     pub fn clear_image(&mut self, image: &'a Image) {
-        let to_general = image_barrier(image)
-            .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-            .old_layout(vk::ImageLayout::UNDEFINED)
-            .new_layout(vk::ImageLayout::GENERAL);
-        // SAFETY: the command buffer is recording; the image has memory.
+        let (undefined, general) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL);
+        self.change_layout(image, (Access::TransferRead, undefined), (Access::TransferWrite, general));
+        let black = vk::ClearColorValue { float32: [0.0; 4] };
+        // SAFETY: the command buffer is recording; the image has memory and this layout.
         unsafe {
             let raw = &self.device.raw;
-            raw.cmd_pipeline_barrier(
-                self.commands,
-                vk::PipelineStageFlags::TOP_OF_PIPE,
-                vk::PipelineStageFlags::TRANSFER,
-                vk::DependencyFlags::empty(),
-                &[],
-                &[],
-                &[to_general],
-            );
-            let black = vk::ClearColorValue { float32: [0.0; 4] };
-            let general = vk::ImageLayout::GENERAL;
             raw.cmd_clear_color_image(self.commands, image.raw, general, &black, &[whole_image()]);
         }
         self.barrier(&[Hazard::Image(image, Access::TransferWrite, Access::ShaderWrite)]);
     }
 
-    /// Copies all pixels of an image into a buffer, row by row.
+    /// Copies all pixels of an image that kernels have written into a buffer, row by row.
     pub fn copy_image(&mut self, image: &'a Image, to: &'a Buffer) {
         let region = vk::BufferImageCopy::default()
             .image_subresource(
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
+                vk::ImageSubresourceLayers::default()
+                    .aspect_mask(vk::ImageAspectFlags::COLOR)
+                    .layer_count(1),
             )
             .image_extent(vk::Extent3D { width: image.size.0, height: image.size.1, depth: 1 });
-        let general = vk::ImageLayout::GENERAL;
+        let (general, source) = (vk::ImageLayout::GENERAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        self.change_layout(image, (Access::ShaderWrite, general), (Access::TransferRead, source));
         // SAFETY: the command buffer is recording; the buffer holds all pixels.
         unsafe {
-            self.device.raw.cmd_copy_image_to_buffer(self.commands, image.raw, general, to.raw, &[region]);
+            self.device.raw.cmd_copy_image_to_buffer(self.commands, image.raw, source, to.raw, &[region]);
+        }
+        self.change_layout(image, (Access::TransferRead, source), (Access::ShaderWrite, general));
+    }
+
+    fn change_layout(
+        &mut self,
+        image: &'a Image,
+        (from, old): (Access, vk::ImageLayout),
+        (to, new): (Access, vk::ImageLayout),
+    ) {
+        let ((from_stage, from_access), (to_stage, to_access)) = (from.raw(), to.raw());
+        let change = image_barrier(image)
+            .src_access_mask(from_access)
+            .dst_access_mask(to_access)
+            .old_layout(old)
+            .new_layout(new);
+        let none = vk::DependencyFlags::empty();
+        // SAFETY: the command buffer is recording; the image is in its old layout.
+        unsafe {
+            self.device.raw.cmd_pipeline_barrier(self.commands, from_stage, to_stage, none, &[], &[], &[change]);
         }
     }
 

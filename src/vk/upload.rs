@@ -55,7 +55,6 @@ impl Image {
         let bytes = u64::from(self.size.0) * u64::from(self.size.1) * bytes_per_pixel;
         let readback = Buffer::new(device, "image (readback)", BufferUse::Readback, bytes)?;
         let mut batch = Batch::new(device, 0)?;
-        batch.barrier(&[Hazard::Image(self, Access::ShaderWrite, Access::TransferRead)]);
         batch.copy_image(self, &readback);
         batch.barrier(&[Hazard::Buffer(&readback, Access::TransferWrite, Access::HostRead)]);
         batch.submit()?;

@@ -1,0 +1,127 @@
+//! Lists of rays on a Vulkan device: the rays that a plan would trace, and what they hit.
+
+use super::plan::Plan;
+use super::tally::Totals;
+use crate::error::{Error, Result};
+use crate::layout::{
+    self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES, Counters,
+    HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
+};
+use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipeline, find_kernel};
+
+/// Rays of one dispatch at most.
+const MOST_RAYS: usize = 1 << 20;
+
+/// What is asked of each ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Query {
+    /// The closest hit.
+    Closest,
+    /// Whether there is one: index 0 or `NO_HIT`.
+    Any,
+}
+
+/// A plan's scene on a device, ready for lists of rays.
+pub struct RayLists<'a> {
+    device: &'a Device,
+    plan: &'a Plan<'a>,
+    nodes: Buffer,
+    triangles: Buffer,
+    frame: Buffer,
+}
+
+impl<'a> RayLists<'a> {
+    pub fn new(device: &'a Device, plan: &'a Plan<'a>) -> Result<Self> {
+        let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
+        Ok(Self {
+            nodes: Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?,
+            triangles: Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?,
+            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            device,
+            plan,
+        })
+    }
+
+    /// What each ray hits. Fails if a ray does not come to its end.
+    pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
+        let kernel = format!("trace/{}/{}", self.plan.settings.method.family(), self.plan.accessor_name());
+        let mut hits = Vec::with_capacity(rays.len());
+        for piece in rays.chunks(MOST_RAYS) {
+            let rays = Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
+            let bytes = size_of_val(piece) / size_of::<RayRecord>() * size_of::<HitRecord>();
+            let found = Buffer::new(self.device, "hits", BufferUse::Storage, bytes as u64)?;
+            let stage = if query == Query::Closest { STAGE_CLOSEST } else { STAGE_ANY };
+            let range = self.range(piece.len() as u32, 0, stage);
+            let totals = self.dispatch(&kernel, &rays, &found, range)?;
+            let finished = totals.primary_finished + totals.ambient_finished;
+            if finished != piece.len() as u64 {
+                return Err(Error::device(format!(
+                    "{} rays of {} did not come to their end with {kernel}: choose another --method or device.",
+                    piece.len() as u64 - finished,
+                    piece.len()
+                )));
+            }
+            hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
+        }
+        Ok(hits)
+    }
+
+    /// The camera ray of each pixel number; beyond the image, rays that meet nothing.
+    pub fn camera_rays(&self) -> Result<Vec<RayRecord>> {
+        let pixels = self.plan.tiles.padded_pixels();
+        let bytes = pixels * size_of::<RayRecord>() as u64;
+        let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes)?;
+        let unused = Buffer::new(self.device, "no hits", BufferUse::Storage, 16)?;
+        self.dispatch("rays/camera", &rays, &unused, self.range(pixels as u32, 0, STAGE_CLOSEST))?;
+        Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
+    }
+
+    /// The ambient ray of one sample (`pcg`) of each pixel number, given what the camera rays hit; rays
+    /// that meet nothing where they missed.
+    pub fn ambient_rays(&self, hits: &[HitRecord], sample: u32) -> Result<Vec<RayRecord>> {
+        let bytes = size_of_val(hits) / size_of::<HitRecord>() * size_of::<RayRecord>();
+        let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes as u64)?;
+        let hit = Buffer::with_content(self.device, "hits", BufferUse::Storage, bytemuck::cast_slice(hits))?;
+        self.dispatch("rays/ambient", &rays, &hit, self.range(hits.len() as u32, sample, STAGE_ANY))?;
+        Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
+    }
+
+    fn range(&self, count: u32, sample: u32, stage: u32) -> Range {
+        Range {
+            pixel_end: count,
+            sample_begin: sample,
+            sample_end: sample + 1,
+            triangle_end: self.plan.frame.triangle_count,
+            stage,
+            ..Range::default()
+        }
+    }
+
+    fn dispatch(&self, kernel: &str, rays: &Buffer, hits: &Buffer, range: Range) -> Result<Totals> {
+        let kernel = find_kernel(kernel)?;
+        let pipeline = Pipeline::new(self.device, kernel, &self.plan.constants, size_of::<Range>() as u32)?;
+        let bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
+        let counters = Buffer::new(self.device, "counters", BufferUse::Storage, bytes)?;
+        let geometry = |binding, buffer| {
+            // The kernels that make rays read geometry from storage buffers on every device.
+            let texels = self.plan.texels && kernel.name.starts_with("trace/");
+            (binding, if texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) })
+        };
+        let bound = pipeline.bind(&[
+            (BINDING_FRAME, Binding::Buffer(&self.frame)),
+            geometry(BINDING_NODES, &self.nodes),
+            geometry(BINDING_TRIANGLES, &self.triangles),
+            (BINDING_COUNTERS, Binding::Buffer(&counters)),
+            (BINDING_RAYS, Binding::Buffer(rays)),
+            (BINDING_HITS, Binding::Buffer(hits)),
+        ])?;
+        let mut batch = Batch::new(self.device, 1)?;
+        batch.fill(&counters, 0);
+        batch.barrier(&[Hazard::Buffer(&counters, Access::TransferWrite, Access::ShaderWrite)]);
+        let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
+        batch.dispatch(&bound, bytemuck::bytes_of(&range), groups, kernel.name);
+        batch.submit()?;
+        batch.wait()?;
+        Ok(Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(&counters.read(self.device)?)))
+    }
+}

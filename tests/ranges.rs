@@ -1,0 +1,122 @@
+//! Work cut into ranges: nothing is lost and nothing done twice, however it is cut.
+
+mod common;
+
+use common::{geometry, job, plan, run, scene_named, scene_of, with_device};
+use cousu::layout::Count;
+use cousu::render::choices::{Method, Preset, Wishes};
+use cousu::render::picture::Accumulated;
+use cousu::render::plan::Job;
+
+fn counts(accumulated: &Accumulated) -> &[Count] {
+    match accumulated {
+        Accumulated::Counts(counts) => counts,
+        Accumulated::Means(_) => panic!("counts were asked for"),
+    }
+}
+
+fn traced(count: &Count) -> u32 {
+    count.traced0 + count.traced1
+}
+
+/// 4,096 samples in one render, and in eight of 512: the same counts. A driver that leaves loops early
+/// would show here: every pixel that hit must have traced all its rays.
+#[test]
+fn thousands_of_samples_in_one_command_or_in_many() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        let render = |samples: std::ops::Range<u32>| {
+            run(device, &plan(device, &scene, &geometry, job(&scene, (48, 30), samples), Wishes::default()))
+        };
+        let once = render(0..4096);
+        let whole = counts(&once.accumulated);
+        assert!(whole.iter().all(|count| traced(count) == 0 || traced(count) == 4096));
+        let mut sum = vec![Count::default(); whole.len()];
+        for piece in 0..8 {
+            let part = render(piece * 512..(piece + 1) * 512);
+            for (sum, part) in sum.iter_mut().zip(counts(&part.accumulated)) {
+                sum.escaped0 += part.escaped0;
+                sum.traced0 += part.traced0;
+                sum.escaped1 += part.escaped1;
+                sum.traced1 += part.traced1;
+            }
+        }
+        assert!(whole == sum);
+    });
+}
+
+/// Dispatches with more work than the driver's loop limit allows: the kernels notice, and the pixels are
+/// taken up again until no ray is missing.
+#[test]
+fn a_driver_that_leaves_loops_early_loses_no_ray() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        for method in [Method::Brute, Method::Stack(geometry.stack_bound), Method::Threaded] {
+            let wishes = Wishes { method: Some(method), ..Wishes::default() };
+            let samples = if method == Method::Brute { 64 } else { 2048 };
+            let render = |block| {
+                let job = Job { block, ..job(&scene, (16, 10), 0..samples) };
+                run(device, &plan(device, &scene, &geometry, job, wishes))
+            };
+            let (cut, whole) = (render(None), render(Some(samples)));
+            assert!(cut.accumulated == whole.accumulated, "{method}");
+            assert_eq!(cut.ambient_rays, whole.ambient_rays, "{method}");
+            assert_eq!(cut.repeats, 0, "{method}");
+            if device.adapter().limits.loop_iterations.is_some() {
+                assert!(whole.repeats > 0, "{method}: this much work should meet the limit");
+            }
+        }
+    });
+}
+
+/// Brute force over more triangles than one invocation may test: parts with the state carried between
+/// them find what the tree finds.
+#[test]
+fn brute_force_in_parts_of_the_triangles() {
+    with_device(|device| {
+        let scene = scene_named("terrain", Some(80_000));
+        let geometry = geometry(&scene, Preset::Auto);
+        let render = |method| {
+            let wishes = Wishes { method: Some(method), ..Wishes::default() };
+            run(device, &plan(device, &scene, &geometry, job(&scene, (16, 16), 0..3), wishes))
+        };
+        let (brute, tree) = (render(Method::Brute), render(Method::Threaded));
+        assert!(brute.accumulated == tree.accumulated);
+        assert_eq!((brute.primary_rays, brute.ambient_rays), (tree.primary_rays, tree.ambient_rays));
+    });
+}
+
+/// Pictures of any size: each pixel is that of the same ray in a larger padded grid.
+#[test]
+fn odd_sizes_are_whole() {
+    with_device(|device| {
+        // A plane that fills the view: every pixel hits, every ray escapes.
+        let scene = scene_of("v -100 -100 0\nv 100 -100 0\nv 100 100 0\nv -100 100 0\nf 1 2 3 4\n");
+        let geometry = geometry(&scene, Preset::Auto);
+        for size in [(1, 1), (7, 13), (8, 8), (1, 300), (333, 2)] {
+            let camera = cousu::scene::camera::Camera::Pinhole {
+                eye: [1.0, 2.0, 30.0],
+                target: [1.0, 2.0, 0.0],
+                up: [0.0, 1.0, 0.0],
+                fov: 20.0,
+            };
+            let wide = size == (333, 2);
+            let job = Job { camera, ..job(&scene, size, 0..5) };
+            let plan = plan(device, &scene, &geometry, job, Wishes::default());
+            let outcome = run(device, &plan);
+            let pixels = u64::from(size.0 * size.1);
+            assert_eq!(outcome.primary_rays, pixels);
+            if !wide {
+                assert_eq!(outcome.ambient_rays, 5 * pixels, "{size:?}");
+            }
+            for (pixel, count) in counts(&outcome.accumulated).iter().enumerate() {
+                let (x, y) = plan.tiles.position(pixel as u32);
+                let inside = x < size.0 && y < size.1;
+                assert!(inside || *count == Count::default(), "{size:?}: a pixel beyond the image was touched");
+                assert_eq!(count.escaped0 + count.escaped1, traced(count), "a lone plane hides nothing");
+            }
+        }
+    });
+}
