@@ -22,19 +22,19 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     pub fn usage(text: impl Into<String>) -> Self {
-        Self::Usage(text.into())
+        Self::Usage(sentence(text))
     }
 
     pub fn input(text: impl Into<String>) -> Self {
-        Self::Input(text.into())
+        Self::Input(sentence(text))
     }
 
     pub fn device(text: impl Into<String>) -> Self {
-        Self::Device(text.into())
+        Self::Device(sentence(text))
     }
 
     pub fn other(text: impl Into<String>) -> Self {
-        Self::Other(text.into())
+        Self::Other(sentence(text))
     }
 
     /// The process exit code that tells a script which kind of error it was.
@@ -46,4 +46,13 @@ impl Error {
             Self::Other(_) => 1,
         }
     }
+}
+
+/// The text with the full stop that ends it.
+fn sentence(text: impl Into<String>) -> String {
+    let mut text = text.into();
+    if !text.ends_with('.') {
+        text.push('.');
+    }
+    text
 }

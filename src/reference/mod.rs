@@ -105,9 +105,9 @@ struct PixelWork {
     overflowed: u32,
 }
 
-/// Twin of ambient.comp.glsl with ACCUMULATE_COUNT, for a buffer that holds samples 0..samples.start
-/// already; the outcome has only what is added. `seeds`: states of `lcg` by pixel number, stepped (without
-/// them every pixel starts at 0).
+/// Twin of ambient.comp.glsl with ACCUMULATE_COUNT, for a buffer whose pixels come to samples.start next (the
+/// frame's sample_base and what they have traced); the outcome has only what is added. `seeds`: states of
+/// `lcg` by pixel number, stepped (without them every pixel starts at 0).
 pub fn render_counts(inputs: &Inputs, samples: Range<u32>, seeds: Option<&mut [u32]>) -> Outcome {
     outcome(&render_pixels(inputs, &samples, seeds))
 }

@@ -70,11 +70,15 @@ pub enum Kind {
     Quads,
     /// A thousand times as long as wide.
     Slivers,
+    /// Many a thousand times as long as wide, overlapping in a few axis-aligned planes: there the error of t
+    /// exceeds the depth of the boxes.
+    FlatSlivers,
     /// Each triangle several times, under different ids.
     Duplicates,
 }
 
-pub const KINDS: [Kind; 5] = [Kind::Soup, Kind::FarOff, Kind::Quads, Kind::Slivers, Kind::Duplicates];
+pub const KINDS: [Kind; 6] =
+    [Kind::Soup, Kind::FarOff, Kind::Quads, Kind::Slivers, Kind::FlatSlivers, Kind::Duplicates];
 
 pub fn triangle(id: u32, a: Vec3, ab: Vec3, ac: Vec3) -> Triangle {
     Triangle { a: a.to_array(), id, ab: ab.to_array(), pad0: 0, ac: ac.to_array(), pad1: 0 }
@@ -120,6 +124,19 @@ pub fn triangles_of(kind: Kind, seed: u64, count: usize) -> Vec<Triangle> {
                 let along = random.direction();
                 let ac = along * random.unit() + random.point() * 1e-3;
                 triangle(id, random.point(), along, ac)
+            })
+            .collect(),
+        Kind::FlatSlivers => (0..count as u32)
+            .map(|id| {
+                // Side by side along one line askew, so that a ray meets several; some are wide.
+                let width = if random.below(3) == 0 { 1.0 } else { 1e-3 };
+                let line = Vec3::new(0.8, 0.0, 0.6);
+                let mut across = || Vec3::new(-0.6, 0.0, 0.8) * (random.signed() * width);
+                let [near, far, aside] = [across(), across(), across()];
+                let height = Vec3::Y * ((random.signed() * 2.0).round() * 0.25);
+                let along = line * (random.unit() + 0.1) + far;
+                let a = line * random.signed() + near + height;
+                triangle(id, a, along, along * random.unit() + aside)
             })
             .collect(),
         Kind::Duplicates => {

@@ -119,6 +119,7 @@ fn pace(device: &Device) -> Pace {
         rays_per_ms: if cpu { 1e3 } else { 4e5 },
         dispatch_ms: if cpu { 100.0 } else { 50.0 },
         submit_ms: if cpu { 250.0 } else { 100.0 },
+        samples: if cpu { 1024 } else { 16 },
         workgroups: adapter.limits.workgroups,
         loop_iterations: adapter.limits.loop_iterations,
     }

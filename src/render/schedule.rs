@@ -15,6 +15,9 @@ pub struct Pace {
     pub dispatch_ms: f64,
     /// How long a submit may last, ms.
     pub submit_ms: f64,
+    /// Most samples of a dispatch. Each dispatch finds the camera rays' hits again, so more is less
+    /// work; but a dispatch ends with its longest pixel, so less keeps a wide device busy.
+    pub samples: u32,
     /// Most workgroups of a dispatch.
     pub workgroups: u32,
     /// Most loop iterations of an invocation, over all its loops.
@@ -43,8 +46,6 @@ pub struct Work {
     pub blocks: Blocks,
 }
 
-/// Most samples of a dispatch where nothing else limits them: camera rays are then 0.1% of the work.
-const MOST_BLOCK: u32 = 1024;
 /// Most triangles of a dispatch, so that one ray cannot hold up a device for long.
 const MOST_PART: u32 = 1 << 20;
 /// Ranges of one submit.
@@ -68,7 +69,7 @@ impl Scheduler {
         // A tree's ray visits some multiple of log n nodes; a kernel that still runs out of iterations
         // says so, and its pixels are taken up again.
         let steps_of_ray = if work.brute { work.triangles + 2 } else { 64 + 32 * (work.triangles + 1).ilog2() };
-        let block = budget.map_or(MOST_BLOCK, |budget| (budget / steps_of_ray).saturating_sub(1).clamp(1, MOST_BLOCK));
+        let block = budget.map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1)).clamp(1, pace.samples);
         let part = if work.brute {
             let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);
             two_rays.min(MOST_PART)
@@ -77,7 +78,7 @@ impl Scheduler {
         };
         // In parts, each sample has its own dispatches, and the camera ray is found once for all.
         let in_parts = work.triangles > part;
-        let block = if in_parts { MOST_BLOCK } else { block };
+        let block = if in_parts { pace.samples } else { block };
         let slowness = if work.brute { (f64::from(work.triangles) / 50.0).max(1.0) } else { 1.0 };
         Self {
             work,
@@ -206,6 +207,7 @@ mod tests {
         rays_per_ms: 500.0,
         dispatch_ms: 100.0,
         submit_ms: 250.0,
+        samples: 1024,
         workgroups: 65_535,
         loop_iterations: Some(65_535),
     };

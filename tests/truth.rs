@@ -1,0 +1,325 @@
+//! Pictures and hits against closed forms, f64 brute force and the shaders' twin.
+
+mod common;
+
+use common::{every_traversal, geometry, job, plan, plan_decided, run, scene_from, scene_named, scene_of, with_device};
+use cousu::layout::{Count, HitRecord, RayRecord, SAMPLER_LCG, SAMPLER_PCG};
+use cousu::pack;
+use cousu::reference::exact::Truth;
+use cousu::reference::{self, Choices, Inputs, Traversal};
+use cousu::render::choices::{Accumulator, Method, Preset, Sampler, Slabs, Wishes};
+use cousu::render::geometry::Geometry;
+use cousu::render::picture::Accumulated;
+use cousu::render::plan::{Job, Plan};
+use cousu::render::raylist::{Query, RayLists};
+use cousu::render::seeds::{hash, lcg_seeds};
+use cousu::scene::camera::Camera;
+use cousu::scene::{Mesh, Scene, obj};
+use cousu::vk::Device;
+use glam::DVec3;
+use rayon::prelude::*;
+
+fn counts(accumulated: Accumulated) -> Vec<Count> {
+    match accumulated {
+        Accumulated::Counts(counts) => counts,
+        Accumulated::Means(_) => panic!("counts were asked for"),
+    }
+}
+
+fn pinhole(eye: [f64; 3], target: [f64; 3], up: [f64; 3], fov: f64) -> Camera {
+    Camera::Pinhole { eye, target, up, fov }
+}
+
+const ROOM: &str = "v -2 0 -1\nv 2 0 -1\nv 2 0 1\nv -2 0 1\nv -2 3 -1\nv 2 3 -1\nv 2 3 1\nv -2 3 1\n\
+                    f 1 4 3 2\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+const CEILING: &str = "f 5 6 7 8\n";
+
+#[test]
+fn a_lone_plane_gives_1_however_it_is_seen() {
+    with_device(|device| {
+        let scene = scene_of("v -9 0 -9\nv 9 0 -9\nv 9 0 9\nv -9 0 9\nf 4 3 2 1\n");
+        let geometry = geometry(&scene, Preset::Auto);
+        for eye in [[0.1, 5.0, 0.2], [3.0, 0.01, 8.0], [1.0, -4.0, 2.0]] {
+            let camera = pinhole(eye, [0.0; 3], [0.3, 0.2, 1.0], 60.0);
+            let job = Job { camera, ..job(&scene, (64, 40), 0..64) };
+            let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
+            let counts = counts(outcome.accumulated);
+            assert!(outcome.ambient_rays > 64 * 100, "{eye:?}");
+            assert!(counts.iter().all(|c| c.escaped0 == c.traced0 && c.escaped1 == c.traced1), "{eye:?}");
+        }
+    });
+}
+
+#[test]
+fn a_closed_box_gives_0_inside() {
+    with_device(|device| {
+        let scene = scene_of(&format!("{ROOM}{CEILING}"));
+        let geometry = geometry(&scene, Preset::Auto);
+        let camera = pinhole([0.3, 1.4, 0.2], [-1.0, 0.5, -0.4], [0.0, 1.0, 0.0], 100.0);
+        let job = Job { camera, ..job(&scene, (128, 80), 0..64) };
+        let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
+        assert_eq!(outcome.ambient_rays, 128 * 80 * 64, "every camera ray hits");
+        assert!(counts(outcome.accumulated).iter().all(|c| c.escaped0 + c.escaped1 == 0));
+    });
+}
+
+/// Share of the cosine-weighted hemisphere about `normal` that a polygon takes, seen from `point` (Lambert
+/// 1760): the sum over its edges of the angle they subtend times the cosine of their plane's tilt.
+fn form_factor(point: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 {
+    let sum: f64 = (0..polygon.len())
+        .map(|i| {
+            let a = (polygon[i] - point).normalize();
+            let b = (polygon[(i + 1) % polygon.len()] - point).normalize();
+            a.angle_between(b) * a.cross(b).normalize().dot(normal)
+        })
+        .sum();
+    sum.abs() / (2.0 * std::f64::consts::PI)
+}
+
+#[test]
+fn the_floor_of_an_open_box_sees_the_opening_by_its_form_factor() {
+    // A unit square, seen from one unit below its corner: atan(1 / sqrt 2) / (sqrt 2 pi).
+    let square = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Z, DVec3::Z];
+    let corner = 0.5f64.sqrt().atan() / (2f64.sqrt() * std::f64::consts::PI);
+    assert!((form_factor(DVec3::NEG_Y, DVec3::Y, &square) - corner).abs() < 1e-12);
+
+    with_device(|device| {
+        let scene = scene_of(ROOM);
+        let geometry = geometry(&scene, Preset::Auto);
+        let samples = 4096;
+        let (width, height, fov) = (32u32, 20u32, 20.0);
+        let eye = DVec3::new(0.4, 9.0, 0.1);
+        let camera = pinhole(eye.to_array(), [0.4, 0.0, 0.1], [0.0, 0.0, -1.0], fov);
+        let job = Job { camera, ..job(&scene, (width, height), 0..samples) };
+        let plan = plan(device, &scene, &geometry, job, Wishes::default());
+        let counts = counts(run(device, &plan).accumulated);
+        let opening = [(-2.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-2.0, 1.0)].map(|(x, z)| DVec3::new(x, 3.0, z));
+        let offset = 1e-4 * scene.bounds.diagonal();
+        let unit = 2.0 * (fov.to_radians() * 0.5).tan() / f64::from(height);
+        let mut tested = 0;
+        for y in 0..height {
+            for x in 0..width {
+                let right = (f64::from(x) + 0.5 - f64::from(width) * 0.5) * unit * eye.y;
+                let down = (f64::from(y) + 0.5 - f64::from(height) * 0.5) * unit * eye.y;
+                let floor = DVec3::new(eye.x + right, offset, eye.z + down);
+                if floor.x.abs() > 1.3 || floor.z.abs() > 0.65 {
+                    continue; // The camera sees a wall there.
+                }
+                let exact = form_factor(floor, DVec3::Y, &opening);
+                let count = counts[plan.tiles.number(x, y) as usize];
+                let (escaped, traced) = (count.escaped0 + count.escaped1, count.traced0 + count.traced1);
+                assert_eq!(traced, samples);
+                let measured = f64::from(escaped) / f64::from(traced);
+                let standard_error = (exact * (1.0 - exact) / f64::from(traced)).sqrt();
+                assert!(
+                    (measured - exact).abs() < 4.0 * standard_error,
+                    "at {floor}: {measured}, exactly {exact} +- {standard_error}"
+                );
+                tested += 1;
+            }
+        }
+        assert!(tested > 50, "{tested} points");
+    });
+}
+
+/// `count` triangles of sizes from all over a cube down to a hundredth of it, some of them needles.
+fn random_scene(count: u32) -> Scene {
+    let number = |i: u32| f64::from(hash(i, count)) / f64::from(u32::MAX) * 2.0 - 1.0;
+    let point = |i: u32| DVec3::new(number(3 * i), number(3 * i + 1), number(3 * i + 2));
+    let mut mesh = Mesh::default();
+    for i in 0..count {
+        let size = (f64::from(count)).cbrt().recip() * number(9 * i).abs().max(0.02);
+        let a = point(4 * i);
+        let b = a + point(4 * i + 1) * size;
+        let c = if i % 7 == 0 { b + point(4 * i + 2) * size * 1e-3 } else { a + point(4 * i + 2) * size };
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([a, b, c]);
+        mesh.triangles.push([first, first + 1, first + 2]);
+    }
+    scene_from(mesh, obj::Report::default())
+}
+
+/// Packed arrays for the twin.
+struct Twin {
+    nodes: Vec<cousu::layout::Node>,
+    threaded: Vec<cousu::layout::ThreadedNode>,
+}
+
+impl Twin {
+    fn new(plan: &Plan<'_>) -> Self {
+        let tree = &plan.geometry.tree;
+        Self { nodes: pack::nodes(tree, plan.frame.box_pad), threaded: pack::threaded_nodes(tree, plan.frame.box_pad) }
+    }
+
+    fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
+        Inputs {
+            frame: &plan.frame,
+            triangles: &plan.geometry.triangles,
+            nodes: &self.nodes,
+            threaded: &self.threaded,
+            choices: Choices {
+                traversal: match plan.settings.method {
+                    Method::Brute => Traversal::Brute,
+                    Method::Stack(size) => Traversal::Stack { size },
+                    Method::Threaded => Traversal::Threaded,
+                },
+                original: plan.settings.preset == Preset::Original,
+                robust_slabs: plan.settings.slabs == Slabs::Robust,
+                sampler: if plan.settings.sampler == Sampler::Lcg { SAMPLER_LCG } else { SAMPLER_PCG },
+            },
+        }
+    }
+}
+
+/// Expects that all methods give the same answers and that f64 brute force accepts each of them.
+fn check_rays(device: &Device, scene: &Scene, geometry: &Geometry, job: &Job, ambient: std::ops::Range<u32>) -> u64 {
+    let mut first: Option<(Vec<HitRecord>, Vec<(Vec<RayRecord>, Vec<HitRecord>)>)> = None;
+    let mut judged = 0;
+    for decision in every_traversal(Wishes::default(), geometry, device) {
+        let plan = plan_decided(device, scene, geometry, job.clone(), &decision);
+        let lists = RayLists::new(device, &plan).unwrap();
+        let camera = lists.camera_rays().unwrap();
+        let closest = lists.trace(Query::Closest, &camera).unwrap();
+        let any: Vec<(Vec<RayRecord>, Vec<HitRecord>)> = ambient
+            .clone()
+            .map(|sample| {
+                // The rays are the storage buffer kernel's, so they are made once.
+                let rays = match &first {
+                    Some((_, any)) => any[(sample - ambient.start) as usize].0.clone(),
+                    None => lists.ambient_rays(&closest, sample).unwrap(),
+                };
+                let hits = lists.trace(Query::Any, &rays).unwrap();
+                (rays, hits)
+            })
+            .collect();
+        match &first {
+            Some((expected, expected_any)) => {
+                assert!(bits(expected) == bits(&closest), "closest hits differ with {}", plan.kernel);
+                for ((_, expected), (_, found)) in expected_any.iter().zip(&any) {
+                    assert!(bits(expected) == bits(found), "any hits differ with {}", plan.kernel);
+                }
+            }
+            None => {
+                let twin = Twin::new(&plan);
+                let inputs = twin.inputs(&plan);
+                let truth = Truth::of(&inputs);
+                judge(&camera, &closest, |ray, hit| truth.closest(ray).accepts(hit));
+                judged += camera.len() as u64;
+                for (rays, hits) in &any {
+                    judge(rays, hits, |ray, hit| truth.any(ray).accepts(hit));
+                    judged += rays.len() as u64;
+                }
+                first = Some((closest, any));
+            }
+        }
+    }
+    judged
+}
+
+fn bits(hits: &[HitRecord]) -> &[u8] {
+    bytemuck::cast_slice(hits)
+}
+
+fn judge(
+    rays: &[RayRecord],
+    hits: &[HitRecord],
+    accepts: impl Fn(&RayRecord, &HitRecord) -> Result<(), String> + Sync,
+) {
+    rays.par_iter().zip(hits).enumerate().for_each(|(place, (ray, hit))| {
+        if let Err(reason) = accepts(ray, hit) {
+            panic!("ray {place} ({ray:?}) gave {hit:?}: {reason}");
+        }
+    });
+}
+
+/// Random scenes of 1 to 10,000 triangles, more than 2^20 rays that the device dumped: every difference from
+/// f64 brute force lies within the stated bound of an edge or a tie, and all methods agree exactly.
+#[test]
+fn a_million_rays_against_f64_brute_force() {
+    with_device(|device| {
+        let mut judged = 0;
+        let cases = [
+            (1, (256, 256), 0..4),
+            (2, (256, 128), 0..3),
+            (10, (256, 256), 0..3),
+            (100, (256, 256), 0..3),
+            (1000, (192, 128), 0..3),
+            (10_000, (64, 32), 0..2),
+        ];
+        for (triangles, size, ambient) in cases {
+            let scene = random_scene(triangles);
+            let geometry = geometry(&scene, Preset::Auto);
+            let camera = pinhole([0.4, 0.3, 2.2], [0.0; 3], [0.1, 1.0, 0.0], 60.0);
+            let job = Job { camera, ..job(&scene, size, 0..1) };
+            judged += check_rays(device, &scene, &geometry, &job, ambient);
+        }
+        assert!(judged >= 1 << 20, "{judged} rays");
+    });
+}
+
+#[test]
+fn the_twin_counts_the_same_rays() {
+    with_device(|device| {
+        for (name, triangles) in [
+            ("cornell", None),
+            ("maison", None),
+            ("arcade", Some(3000)),
+            ("terrain", Some(5000)),
+            ("hairball", Some(4000)),
+            ("stadium", Some(3000)),
+        ] {
+            let scene = scene_named(name, triangles);
+            let geometry = geometry(&scene, Preset::Auto);
+            for (method, sampler) in [
+                (Method::Threaded, Sampler::Pcg),
+                (Method::Stack(geometry.stack_bound), Sampler::Lcg),
+                (Method::Stack(6), Sampler::Pcg),
+            ] {
+                let wishes = Wishes { method: Some(method), sampler: Some(sampler), ..Wishes::default() };
+                let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 3..12), wishes);
+                let outcome = run(device, &plan);
+                let twin = Twin::new(&plan);
+                let mut seeds = lcg_seeds(0, plan.tiles.padded_pixels() as u32, plan.job.seed);
+                let expected = reference::render_counts(&twin.inputs(&plan), 3..12, Some(&mut seeds));
+                assert_eq!(outcome.overflowed_rays, expected.overflowed, "{name} {method}");
+                assert_eq!(outcome.ambient_rays, expected.ambient_rays, "{name} {method}");
+                assert!(counts(outcome.accumulated) == expected.counts, "{name} {method}");
+            }
+        }
+    });
+}
+
+/// Running means, the original's among them: what the device stores is the twin's, within the rounding of
+/// what the API leaves to the driver (division; contraction in the original's intersector).
+#[test]
+fn the_twin_keeps_the_same_means() {
+    with_device(|device| {
+        let scene = scene_named("cornell", None);
+        for (preset, accumulator) in [
+            (Preset::Auto, Accumulator::Rgba32f),
+            (Preset::Auto, Accumulator::Rgba8),
+            (Preset::Original, Accumulator::Rgba32f),
+            (Preset::Original, Accumulator::Rgba8),
+        ] {
+            let geometry = geometry(&scene, preset);
+            let wishes = Wishes { preset: Some(preset), accumulator: Some(accumulator), ..Wishes::default() };
+            let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 0..32), wishes);
+            let Accumulated::Means(means) = run(device, &plan).accumulated else { panic!("means") };
+            let twin = Twin::new(&plan);
+            let mut seeds = lcg_seeds(0, plan.tiles.padded_pixels() as u32, plan.job.seed);
+            let mut image = vec![[0f32; 4]; 101 * 67];
+            let eight_bit = accumulator == Accumulator::Rgba8;
+            for frame in 0..8 {
+                let samples = 4 * frame..4 * frame + 4;
+                let inputs = twin.inputs(&plan);
+                reference::render_means(&inputs, &mut image, samples, Some(&mut seeds), eight_bit);
+            }
+            assert!(means.iter().any(|texel| texel[0] > 0.3));
+            // Where the original's mean lies halfway between two bytes, a last bit turns it.
+            let step = if eight_bit && preset == Preset::Original { 1.01 / 255.0 } else { 1e-6 };
+            let allowed = if preset == Preset::Original { 5 } else { 0 };
+            let differ = means.iter().zip(&image).filter(|(a, b)| (a[0] - b[0]).abs() > step || a[3] != b[3]).count();
+            assert!(differ <= allowed, "{preset} {accumulator}: {differ} pixels of {}", image.len());
+        }
+    });
+}
