@@ -27,6 +27,7 @@ Surface surface;
 bool occluded_before;
 bool part_lost;
 uint lcg_state;
+uint lcg_before;
 uint sample_next;
 uint sample_end;
 float sample_weight;
@@ -61,6 +62,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     ray_overflowed = false;
     bool more = sample_next < sample_end;
     if (more) {
+        lcg_before = lcg_state;
         vec2 u = sample_numbers(pixel, sample_next, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
@@ -74,9 +76,11 @@ void retire_any(uint id, bool occluded, bool finished) {
     if (!finished || !last_part()) {
         carry_occlusion(occluded);
         part_lost = !finished && !last_part();
+        lcg_state = lcg_before;
         sample_end = id;
         return;
     }
+    occluded_before = false;
     sample_next = id + 1u;
     traced[id & 1u]++;
     if (!occluded) {
@@ -103,6 +107,7 @@ void trace_ambient(bool hit) {
         surface = surface_at(primary_ray, primary_hit);
     } else {
         surface = surface_nowhere();
+        sample_next = range.sample_begin;
     }
     occluded_before = carried_occlusion();
     part_lost = false;

@@ -3,9 +3,10 @@
 // Smallest determinant taken for a triangle that the ray can meet: below it 1/det overflows.
 #define SMALLEST_DETERMINANT 7.52316384526264e-37
 
-// Moeller and Trumbore (1997), compared before the division. A hit must also lie in the triangle's own
-// box as the slab test sees it, and is not nearer than that box: then every tree of boxes finds the
-// same hits at the same distances, exactly. Distance: in units of the direction.
+// Moeller and Trumbore (1997), compared before the division. The ray must also cross the triangle's own
+// box as the slab test sees it, and the hit's distance is brought into that box: then every tree of boxes
+// finds the same hits at the same distances, exactly. (Brought in, not compared: a flat box is thinner
+// than the error of t.) Distance: in units of the direction.
 bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out vec3 tuv) {
     tuv = vec3(0.0);
     vec3 p = cross3(ray.direction, triangle.ac);
@@ -28,8 +29,8 @@ bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out
     vec2 interval = slab_interval(slabs, pmin, pmax);
     precise float scale = reciprocal(det);
     precise vec3 scaled = vec3(t, u, v) * scale;
-    tuv = vec3(max(scaled.x, interval.x), scaled.y, scaled.z);
-    return interval.x <= interval.y && tuv.x <= min(interval.y, t_max);
+    tuv = vec3(min(max(scaled.x, interval.x), interval.y), scaled.y, scaled.z);
+    return max(interval.x, 0.0) <= interval.y && tuv.x <= t_max;
 }
 
 // The original's form: the division is not guarded, so a zero determinant gives NaN, which no

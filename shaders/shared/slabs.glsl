@@ -12,18 +12,19 @@ struct Slabs {
 #define SMALLEST_COMPONENT 7.888609052210118e-31
 
 // 1 + 2 gamma(7): exit distances grow by the error that both distances may have, so that no box which
-// the exact ray meets is missed (Ize 2013 has gamma(3); Vulkan's division may be off by 2.5 ulp).
+// the exact ray meets is missed (Ize 2013 has gamma(3) for a correctly rounded division; ours may be off
+// by 2 ulp).
 #define EXIT_SLACK 1.0000009
 
-float at_least_smallest(float d) {
-    float size = max(abs(d), SMALLEST_COMPONENT);
-    return d < 0.0 ? -size : size;
+float inverse_component(float d) {
+    float inverse = reciprocal(max(abs(d), SMALLEST_COMPONENT));
+    return d < 0.0 ? -inverse : inverse;
 }
 
 Slabs slabs_of(Ray ray) {
     vec3 d = ray.direction;
     if (ROBUST_SLABS) {
-        d = vec3(at_least_smallest(d.x), at_least_smallest(d.y), at_least_smallest(d.z));
+        return Slabs(ray.origin, vec3(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z)));
     }
     return Slabs(ray.origin, 1.0 / d);
 }

@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::bvh::{midpoint, stack};
 use crate::error::Result;
+use crate::render::geometry::Geometry;
 use crate::scene::Scene;
-use crate::scene::condition::{self, Placement};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -35,12 +34,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         text += &format!("dropped     {}\n", report.dropped);
     }
-    let tree = midpoint::build(&condition::place(&scene.mesh, &Placement::conditioned(&scene.bounds)));
+    let geometry = Geometry::build(&scene, true)?;
+    if geometry.without_area > 0 {
+        text += &format!("too thin    {} triangles, whose area 32-bit floats do not see\n", geometry.without_area);
+    }
     text += &format!(
         "tree        midpoint: {} nodes, {} levels, a stack of up to {} entries",
-        tree.nodes.len(),
-        tree.depth(),
-        stack::stack_bound(&tree)
+        geometry.tree.nodes.len(),
+        geometry.tree.depth(),
+        geometry.stack_bound
     );
     super::print(&text)
 }

@@ -122,6 +122,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    if geometry.without_area > 0 {
+        eprintln!("{}: {} triangles left out, whose area 32-bit floats do not see", scene.path, geometry.without_area);
+    }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let job = Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };

@@ -17,8 +17,8 @@
 //! (measured over all f32, see its test) and the product's. The values themselves are f64's, whose errors
 //! are 2^-29 of these; one part in 1000 is added for them.
 //!
-//! Lastly a hit must lie in the triangle's own box, and is not nearer than it. Slabs move t by no
-//! more than 8 ulp; where the bound reaches out of the box, a hit is doubtful.
+//! Lastly the ray must cross the triangle's own box, and t is brought into it. Slabs move t by no more than
+//! 8 ulp; where they may not agree that the box is crossed, a hit is doubtful.
 //!
 //! This judges the guarded intersector; the original's has no bound (its roundings are the driver's).
 
@@ -157,13 +157,12 @@ fn within_reach(ray: &RayRecord, triangle: &Triangle, rules: &Rules, meeting: Me
     }
     let (enter, leave) = own_box(ray, triangle, rules);
     // Robust slabs leave later than they should by 16 e less the 8 e that they may err; plain ones may
-    // err either way. What the box itself adds to the error of t does not push t out of the box.
+    // err either way.
     let slack = if rules.robust_slabs { 7.0 * E } else { -EIGHT_ULP };
-    let exit = (leave + slack * leave.abs() - meeting.t) / (meeting.t_error - EIGHT_ULP * meeting.t.abs());
     let entry = (meeting.t - enter) / meeting.t_error + 1.0;
     let crosses = enter <= leave + slack * (leave.abs() + enter.abs());
     let crossing = if crosses { f64::INFINITY } else { 0.0 };
-    let margin = [meeting.margin, reach, exit, entry, crossing].into_iter().fold(f64::INFINITY, f64::min);
+    let margin = [meeting.margin, reach, entry, crossing].into_iter().fold(f64::INFINITY, f64::min);
     let meeting = Meeting { margin, ..meeting };
     if margin > 1.0 { Verdict::Hit(meeting) } else { Verdict::Doubtful(Some(meeting)) }
 }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::arith::{max3, min3};
+use super::arith::{max3, min3, reciprocal};
 use super::ray::Ray;
 
 /// What the slab test needs of a ray, once a ray.
@@ -18,7 +18,7 @@ pub struct Slabs {
 pub const SMALLEST_COMPONENT: f32 = 7.888_609e-31;
 
 /// 1 + 2 gamma(7), rounded up: exit distances grow by the error that both distances may have (Ize 2013
-/// has gamma(3); Vulkan's division may be off by 2.5 ulp).
+/// has gamma(3) for a correctly rounded division; ours may be off by 2 ulp).
 pub const EXIT_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 /// Keeps the sign of d but not a size below [`SMALLEST_COMPONENT`]; both zeros become positive.
@@ -27,12 +27,19 @@ pub fn at_least_smallest(d: f32) -> f32 {
     if d < 0.0 { -size } else { size }
 }
 
+fn inverse_component(d: f32) -> f32 {
+    let inverse = reciprocal(at_least_smallest(d).abs());
+    if d < 0.0 { -inverse } else { inverse }
+}
+
 pub fn slabs_of(ray: &Ray, robust: bool) -> Slabs {
-    let mut d = ray.direction;
-    if robust {
-        d = Vec3::new(at_least_smallest(d.x), at_least_smallest(d.y), at_least_smallest(d.z));
-    }
-    Slabs { origin: ray.origin, inverse: 1.0 / d, robust }
+    let d = ray.direction;
+    let inverse = if robust {
+        Vec3::new(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z))
+    } else {
+        1.0 / d
+    };
+    Slabs { origin: ray.origin, inverse, robust }
 }
 
 /// Where the ray enters the box and leaves it, in units of the direction. Every operation is monotonic in

@@ -20,6 +20,8 @@ pub struct Geometry {
     /// Entries that `stackN` can need.
     pub stack_bound: u32,
     pub build_ms: f64,
+    /// Triangles left out because 32-bit floats see no area in them.
+    pub without_area: usize,
 }
 
 impl Geometry {
@@ -35,7 +37,18 @@ impl Geometry {
             )));
         }
         let placement = if conditioned { Placement::conditioned(&scene.bounds) } else { Placement::IDENTITY };
-        let placed = condition::place(&scene.mesh, &placement);
+        let mut placed = condition::place(&scene.mesh, &placement);
+        // The original took them as they were.
+        if conditioned {
+            placed.retain(condition::has_area);
+        }
+        let without_area = scene.mesh.triangles.len() - placed.len();
+        if placed.is_empty() {
+            return Err(Error::input(format!(
+                "{} has {without_area} triangles, but 32-bit floats see no area in any of them: give it wider triangles.",
+                scene.path
+            )));
+        }
         let start = Instant::now();
         let tree = bvh::midpoint::build(&placed);
         let triangles = pack::triangles(&tree, &placed);
@@ -47,6 +60,7 @@ impl Geometry {
             triangles,
             tree,
             build_ms,
+            without_area,
         })
     }
 }
