@@ -111,7 +111,7 @@ impl<'a> Band<'a> {
     /// `first`: no sample is done yet, so it is known how many camera rays there must be.
     fn pass(&self, tally: &mut Tally<'_>, first: bool) -> Result<u64> {
         let Inputs { device, plan, pipeline, .. } = *self.inputs;
-        let mut scheduler = self.scheduler();
+        let mut scheduler = self.scheduler(first);
         let slots: Vec<Slot> = (0..IN_FLIGHT).map(|_| Slot::new(device)).collect::<Result<_>>()?;
         let kernels: Vec<BoundKernel<'_>> =
             slots.iter().map(|slot| pipeline.bind(&self.bindings(slot))).collect::<Result<_>>()?;
@@ -143,7 +143,7 @@ impl<'a> Band<'a> {
         Ok(missing)
     }
 
-    fn scheduler(&self) -> Scheduler {
+    fn scheduler(&self, first: bool) -> Scheduler {
         let plan = self.inputs.plan;
         let work = Work {
             pixel_begin: self.pixels.start,
@@ -156,6 +156,8 @@ impl<'a> Band<'a> {
         };
         let scheduler = Scheduler::new(work, self.inputs.pace);
         match plan.job.block {
+            // Few pixels are left, each with its own rest.
+            _ if !first => scheduler.with_block(u32::MAX),
             Some(block) => scheduler.with_block(block),
             None => scheduler,
         }

@@ -68,7 +68,7 @@ impl Scheduler {
         let budget = pace.loop_iterations.map(|limit| limit - limit / 8);
         // A tree's ray visits some multiple of log n nodes; a kernel that still runs out of iterations
         // says so, and its pixels are taken up again.
-        let steps_of_ray = if work.brute { work.triangles + 2 } else { 64 + 32 * (work.triangles + 1).ilog2() };
+        let steps_of_ray = if work.brute { work.triangles + 2 } else { 64 + 64 * (work.triangles + 1).ilog2() };
         let block = budget.map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1)).clamp(1, pace.samples);
         let part = if work.brute {
             let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);

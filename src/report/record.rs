@@ -49,6 +49,8 @@ pub struct RenderRecord {
     /// Stack entries that the tree can ask of a ray; 0 without a stack.
     pub max_stack: u32,
     pub overflowed_rays: u64,
+    /// How often pixels were taken up again because the driver had left a loop early.
+    pub repeats: u32,
     pub rmse_estimate: Option<f64>,
     pub build_ms: f64,
     pub load_ms: f64,
@@ -96,6 +98,7 @@ impl RenderRecord {
             mrays_per_s: rate(outcome.primary_rays + outcome.ambient_rays),
             max_stack: if let Method::Stack(_) = settings.method { plan.geometry.stack_bound } else { 0 },
             overflowed_rays: outcome.overflowed_rays,
+            repeats: outcome.repeats,
             rmse_estimate: rmse_estimate(&outcome.accumulated),
             build_ms: plan.geometry.build_ms,
             load_ms: scene.load_ms,
@@ -137,6 +140,9 @@ impl RenderRecord {
                 "overflow {} rays lost a part of the tree: {} is too small (this tree can need {})\n",
                 self.overflowed_rays, self.method, self.max_stack
             );
+        }
+        if self.repeats > 0 {
+            text += &format!("repeats  {} (the driver left loops early; no ray is missing)\n", self.repeats);
         }
         if let Some(rmse) = self.rmse_estimate {
             text += &format!("error    {rmse:.5} (estimated root mean square)\n");
