@@ -43,7 +43,8 @@ fn path(folder: &Path, name: &str) -> String {
 #[test]
 fn a_render_writes_png_exr_and_json_with_the_manifest() {
     let folder = tempfile::tempdir().unwrap();
-    let (png, exr, json) = (path(folder.path(), "a.png"), path(folder.path(), "a.exr"), path(folder.path(), "a.json"));
+    let (png, exr, json) =
+        (path(folder.path(), "a.png"), path(folder.path(), "a.exr"), path(folder.path(), "a.json"));
     let common = ["render", CORNELL, "--size", "50x30", "--spp", "8", "--seed", "3", "--validate"];
     let summary = succeeds(&[&common[..], &["-o", &png, "--json", &json]].concat());
     for words in ["device", "threaded", "kernel", " ms in ", "Mrays/s"] {
@@ -53,9 +54,33 @@ fn a_render_writes_png_exr_and_json_with_the_manifest() {
 
     let record: serde_json::Value = serde_json::from_slice(&fs::read(&json).unwrap()).unwrap();
     for key in [
-        "device", "driver", "scene", "size", "spp", "method", "builder", "passes", "sampler", "accumulator", "offset",
-        "intersector", "slabs", "camera", "seed", "kernels", "primary_rays", "ambient_rays", "ambient_mrays_per_s",
-        "mrays_per_s", "max_stack", "overflowed_rays", "rmse_estimate", "build_ms", "load_ms", "wall_s", "manifest",
+        "device",
+        "driver",
+        "scene",
+        "size",
+        "spp",
+        "method",
+        "builder",
+        "passes",
+        "sampler",
+        "accumulator",
+        "offset",
+        "intersector",
+        "slabs",
+        "camera",
+        "seed",
+        "kernels",
+        "primary_rays",
+        "ambient_rays",
+        "ambient_mrays_per_s",
+        "mrays_per_s",
+        "max_stack",
+        "overflowed_rays",
+        "rmse_estimate",
+        "build_ms",
+        "load_ms",
+        "wall_s",
+        "manifest",
     ] {
         assert!(record.get(key).is_some(), "{key} is missing");
     }
@@ -89,7 +114,11 @@ fn a_render_writes_png_exr_and_json_with_the_manifest() {
             assert!(r == g && g == b && (0.0..=1.0).contains(&r) && (a == 0.0 || a == 1.0));
             assert!(r <= a, "light is premultiplied");
             let byte = bytes[(y * 50 + x) * 3];
-            assert_eq!(byte, cousu::report::png::Encoding::Srgb.byte(r), "PNG and EXR show the same at {x},{y}");
+            assert_eq!(
+                byte,
+                cousu::report::png::Encoding::Srgb.byte(r),
+                "PNG and EXR show the same at {x},{y}"
+            );
             hits += u64::from(a == 1.0);
         }
     }
@@ -216,7 +245,10 @@ fn a_scene_that_was_written_is_read_again() {
     let folder = tempfile::tempdir().unwrap();
     let obj = path(folder.path(), "s.obj");
     succeeds(&["scene", "maison", "-o", &obj]);
-    assert!(fs::read(&obj).unwrap() == fs::read(MAISON).unwrap(), "assets/maison.obj is what the command writes");
+    assert!(
+        fs::read(&obj).unwrap() == fs::read(MAISON).unwrap(),
+        "assets/maison.obj is what the command writes"
+    );
     let said = succeeds(&["inspect", &obj]);
     assert!(said.contains("triangles   5456 ") && said.contains("dropped     nothing"), "{said}");
     succeeds(&["scene", "hairball", "--triangles", "500", "--seed", "4", "-o", &obj]);

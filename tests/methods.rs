@@ -53,7 +53,8 @@ fn methods_agree_with_every_other_choice() {
     with_device(|device| {
         for accumulator in [Accumulator::Count, Accumulator::Rgba8, Accumulator::Rgba32f] {
             for sampler in [Sampler::Pcg, Sampler::Lcg] {
-                let wishes = Wishes { accumulator: Some(accumulator), sampler: Some(sampler), ..Wishes::default() };
+                let wishes =
+                    Wishes { accumulator: Some(accumulator), sampler: Some(sampler), ..Wishes::default() };
                 all_agree(device, "cornell", None, wishes);
             }
         }
@@ -112,7 +113,10 @@ fn an_undersized_stack_is_refused_or_reported() {
         let geometry = geometry(&scene, Preset::Auto);
         let stack16 = Method::Stack(16);
         let refusal = auto::check_stack(stack16, &geometry, false).expect_err("16 entries are too few");
-        assert!(refusal.to_string().contains(&format!("needs up to {} entries", geometry.stack_bound)), "{refusal}");
+        assert!(
+            refusal.to_string().contains(&format!("needs up to {} entries", geometry.stack_bound)),
+            "{refusal}"
+        );
         assert_eq!(refusal.exit_code(), 2);
         auto::check_stack(stack16, &geometry, true).unwrap();
         auto::check_stack(Method::Stack(geometry.stack_bound), &geometry, false).unwrap();

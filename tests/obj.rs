@@ -66,8 +66,7 @@ fn polygons_become_fans() {
 fn only_the_flat_part_of_a_fan_is_dropped() {
     let loaded = read("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nf 1 2 3 4 5\n");
     assert_eq!(corners(&loaded), {
-        let [a, c, d, e] =
-            [[0, 0], [2, 0], [2, 2], [0, 2]].map(|[x, y]| dvec3(x.into(), y.into(), 0.0));
+        let [a, c, d, e] = [[0, 0], [2, 0], [2, 2], [0, 2]].map(|[x, y]| dvec3(x.into(), y.into(), 0.0));
         [[a, c, d], [a, d, e]]
     });
     assert_eq!(loaded.report.dropped.zero_area, tally(1, &[6]));
@@ -77,11 +76,7 @@ fn only_the_flat_part_of_a_fan_is_dropped() {
 #[test]
 fn vertices_keep_the_order_of_the_file_and_unused_ones_are_left_out() {
     let loaded = read("v 9 9 9\nv 0 0 1\nv 1 0 1\nv 8 8 8\nv 1 1 1\nf 5 3 2\n");
-    let used = [
-        dvec3(0.0, 0.0, 1.0),
-        dvec3(1.0, 0.0, 1.0),
-        dvec3(1.0, 1.0, 1.0),
-    ];
+    let used = [dvec3(0.0, 0.0, 1.0), dvec3(1.0, 0.0, 1.0), dvec3(1.0, 1.0, 1.0)];
     assert_eq!(loaded.mesh.positions, used);
     assert_eq!(loaded.mesh.triangles, [[2, 1, 0]]);
     assert_eq!(loaded.report.vertices, 5);
@@ -117,9 +112,7 @@ fn line_forms() {
 
 #[test]
 fn a_comment_is_not_joined_to_the_next_line() {
-    let loaded = read(format!(
-        "# from C:\\models\\\n{SQUARE}f 1 2 3 # half \\\nf 1 3 4\n"
-    ));
+    let loaded = read(format!("# from C:\\models\\\n{SQUARE}f 1 2 3 # half \\\nf 1 3 4\n"));
     assert_eq!(loaded.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
     assert!(loaded.report.dropped.is_empty());
 }
@@ -160,10 +153,7 @@ fn what_has_no_triangles_is_left_out() {
 #[test]
 fn positions_are_read_in_double_precision() {
     let loaded = read("v 0.1 1e-3 123456789.123456789\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    assert_eq!(
-        loaded.mesh.positions[0],
-        dvec3(0.1, 1e-3, 123_456_789.123_456_79)
-    );
+    assert_eq!(loaded.mesh.positions[0], dvec3(0.1, 1e-3, 123_456_789.123_456_79));
 }
 
 #[test]
@@ -190,25 +180,13 @@ fn malformed_vertices_keep_their_place() {
     let triangle = [DVec3::ZERO, dvec3(1.0, 0.0, 0.0), dvec3(0.0, 1.0, 0.0)];
     assert_eq!(corners(&loaded), [triangle]);
     assert_eq!(loaded.report.malformed_vertices, tally(5, &[1, 3, 5, 7, 8]));
-    assert_eq!(
-        loaded.report.dropped.malformed_vertex,
-        tally(5, &[10, 11, 12, 13, 14])
-    );
+    assert_eq!(loaded.report.dropped.malformed_vertex, tally(5, &[10, 11, 12, 13, 14]));
     assert_eq!(loaded.report.vertices, 8);
 }
 
 #[test]
 fn vertices_that_are_not_finite() {
-    let words = [
-        "nan",
-        "-NaN",
-        "inf",
-        "-Infinity",
-        "1e400",
-        "-1e39",
-        "-nan(ind)",
-        "1.#INF",
-    ];
+    let words = ["nan", "-NaN", "inf", "-Infinity", "1e400", "-1e39", "-nan(ind)", "1.#INF"];
     for (axis, word) in words.iter().enumerate() {
         let mut place = ["0"; 3];
         place[axis % 3] = word;
@@ -216,11 +194,7 @@ fn vertices_that_are_not_finite() {
         let loaded = read_on_square(&text);
         assert_eq!(loaded.mesh.triangles, [[0, 1, 2]], "{word}");
         assert_eq!(loaded.report.non_finite_vertices, tally(1, &[5]), "{word}");
-        assert_eq!(
-            loaded.report.dropped.non_finite_vertex,
-            tally(1, &[7]),
-            "{word}"
-        );
+        assert_eq!(loaded.report.dropped.non_finite_vertex, tally(1, &[7]), "{word}");
         assert_eq!(loaded.report.dropped.index_zero, tally(1, &[8]), "{word}");
     }
 }
@@ -232,10 +206,7 @@ fn triangles_without_area() {
          f 1 2 5\nf 1 2 3\nf 1 2 1\nf 1 2 4\nf 1 6 5\nf 1 7 2\nf 5 5 5 5\n",
     );
     assert_eq!(loaded.mesh.triangles.len(), 1);
-    assert_eq!(
-        loaded.report.dropped.zero_area,
-        tally(7, &[9, 10, 11, 12, 13, 14])
-    );
+    assert_eq!(loaded.report.dropped.zero_area, tally(7, &[9, 10, 11, 12, 13, 14]));
 }
 
 #[test]
@@ -250,10 +221,7 @@ fn only_the_first_lines_are_kept() {
         "1 face with index 0 (line 25), 21 faces with an index out of range \
          (lines 5, 6, 7, 8, 9, 10, 11, 12, ...)"
     );
-    assert_eq!(
-        read_on_square("f 1 2 3").report.dropped.to_string(),
-        "nothing"
-    );
+    assert_eq!(read_on_square("f 1 2 3").report.dropped.to_string(), "nothing");
 }
 
 #[test]
@@ -270,10 +238,7 @@ fn missing_material_libraries_are_named_once() -> io::Result<()> {
     };
     let named = ["here.mtl", "gone.mtl", "with blank.mtl", "lost one.mtl"];
     assert_eq!(loaded.report.material_libraries, named);
-    assert_eq!(
-        loaded.report.missing_materials,
-        ["gone.mtl", "lost one.mtl"]
-    );
+    assert_eq!(loaded.report.missing_materials, ["gone.mtl", "lost one.mtl"]);
     assert_eq!(loaded.report.dropped.to_string(), "nothing");
     Ok(())
 }

@@ -40,9 +40,8 @@ fn write_corner(text: &mut String, random: &mut Random, vertex: usize, known: us
 /// A text of `faces` random polygons, and the triangles that they stand for.
 fn random_mesh(random: &mut Random, faces: usize) -> (String, Vec<[DVec3; 3]>) {
     let count = faces / 2 + 8;
-    let vertices: Vec<DVec3> = (0..count)
-        .map(|_| DVec3::from_array([(); 3].map(|()| random.coordinate())))
-        .collect();
+    let vertices: Vec<DVec3> =
+        (0..count).map(|_| DVec3::from_array([(); 3].map(|()| random.coordinate()))).collect();
     let mut text = String::new();
     let mut triangles = Vec::new();
     let mut known = 0;
@@ -57,11 +56,7 @@ fn random_mesh(random: &mut Random, faces: usize) -> (String, Vec<[DVec3; 3]>) {
             known += 1;
         }
         if random.below(50) == 0 {
-            let _ = writeln!(
-                text,
-                "{} part{face}",
-                ["o", "g", "usemtl", "s"][random.below(4)]
-            );
+            let _ = writeln!(text, "{} part{face}", ["o", "g", "usemtl", "s"][random.below(4)]);
         }
         let start = random.below(count);
         let step = 1 + random.below(count / 8);
@@ -91,23 +86,14 @@ fn corners(loaded: &Loaded) -> Vec<[DVec3; 3]> {
 fn meshes_come_back_as_they_were() {
     let mut random = Random(1);
     // The larger ones span several of the parts that the reader works in.
-    for faces in [
-        1, 2, 10, 100, 1000, 1000, 1000, 1000, 30_000, 80_000, 80_000,
-    ] {
+    for faces in [1, 2, 10, 100, 1000, 1000, 1000, 1000, 30_000, 80_000, 80_000] {
         let (text, triangles) = random_mesh(&mut random, faces);
         let Ok(loaded) = obj::read(text.as_bytes(), "random.obj") else {
             panic!("{faces} faces were refused");
         };
-        assert!(
-            loaded.report.dropped.is_empty(),
-            "{}",
-            loaded.report.dropped
-        );
+        assert!(loaded.report.dropped.is_empty(), "{}", loaded.report.dropped);
         assert_eq!(loaded.report.triangles, triangles.len() as u64);
-        assert!(
-            corners(&loaded) == triangles,
-            "{faces} faces came back changed"
-        );
+        assert!(corners(&loaded) == triangles, "{faces} faces came back changed");
     }
 }
 
@@ -150,9 +136,7 @@ fn assert_sound(loaded: &Loaded) {
         assert_ne!((b - a).cross(c - a), DVec3::ZERO);
         let [p, q, r] = [a, b, c].map(|corner| corner.as_vec3());
         assert!(p != q && q != r && r != p);
-        triangle
-            .iter()
-            .for_each(|&index| used[index as usize] = true);
+        triangle.iter().for_each(|&index| used[index as usize] = true);
     }
     assert!(used.iter().all(|&used| used), "a vertex is not used");
     assert_eq!(loaded.report.triangles, loaded.mesh.triangles.len() as u64);
@@ -172,16 +156,10 @@ fn damaged_text_never_panics() {
             }
             Err(error) => {
                 let message = error.to_string();
-                assert!(
-                    !message.contains("passed the checks"),
-                    "{message}: {text:?}"
-                );
+                assert!(!message.contains("passed the checks"), "{message}: {text:?}");
                 refused += 1;
             }
         }
     }
-    assert!(
-        loaded > 10_000 && refused > 100,
-        "{loaded} loaded, {refused} refused"
-    );
+    assert!(loaded > 10_000 && refused > 100, "{loaded} loaded, {refused} refused");
 }

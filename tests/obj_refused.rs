@@ -24,10 +24,7 @@ fn one_sentence<E: Display>(result: Result<Loaded, E>) -> String {
         Ok(_) => panic!("was not refused"),
         Err(error) => error.to_string(),
     };
-    assert!(
-        !message.contains('\n') && !message.contains(". "),
-        "{message}"
-    );
+    assert!(!message.contains('\n') && !message.contains(". "), "{message}");
     assert!(message.contains("; "), "does not say what to do: {message}");
     message
 }
@@ -91,10 +88,7 @@ fn binary_files_are_refused() {
     assert!(with_zero.contains("a zero byte at offset 5"), "{with_zero}");
     let bytes: Vec<u8> = (0..2000).map(|n| (n % 255 + 1) as u8).collect();
     let without_zero = refusal(&bytes);
-    assert!(
-        without_zero.contains("is not a text file"),
-        "{without_zero}"
-    );
+    assert!(without_zero.contains("is not a text file"), "{without_zero}");
     let utf_16: Vec<u8> = SQUARE.encode_utf16().flat_map(u16::to_le_bytes).collect();
     assert!(refusal(utf_16).contains("is not a text file"));
 }
@@ -105,17 +99,10 @@ fn the_longest_line_is_a_mebibyte() {
     let longest = obj::read(comment(MAX_LINE).as_bytes(), "test.obj");
     assert!(longest.is_ok_and(|loaded| loaded.mesh.triangles.len() == 2));
     let message = refusal(comment(MAX_LINE + 1));
-    assert!(
-        message.contains("test.obj, line 6: the line is longer than 1 MiB"),
-        "{message}"
-    );
+    assert!(message.contains("test.obj, line 6: the line is longer than 1 MiB"), "{message}");
     let joined = format!("{SQUARE}f 1 2 3{}", " 1 2 3 4 \\\n".repeat(MAX_LINE / 9));
     assert!(refusal(joined).contains("line 5: the line is longer"));
-    let two = format!(
-        "{SQUARE}f {}\\\n{}\n",
-        " ".repeat(MAX_LINE / 2),
-        " ".repeat(MAX_LINE / 2)
-    );
+    let two = format!("{SQUARE}f {}\\\n{}\n", " ".repeat(MAX_LINE / 2), " ".repeat(MAX_LINE / 2));
     assert!(refusal(two).contains("line 5: the line is longer"));
 }
 
@@ -134,24 +121,14 @@ impl<R: Read> Read for Counted<R> {
 fn a_line_of_gigabytes_is_given_up_early() {
     let mut source = Counted(io::repeat(b'7').take(3_000_000_000), 0);
     let message = refusal_of(&mut source);
-    assert!(
-        message.contains("line 1: the line is longer than 1 MiB"),
-        "{message}"
-    );
-    assert!(
-        source.1 <= 2 * MAX_LINE as u64,
-        "{} bytes were read",
-        source.1
-    );
+    assert!(message.contains("line 1: the line is longer than 1 MiB"), "{message}");
+    assert!(source.1 <= 2 * MAX_LINE as u64, "{} bytes were read", source.1);
 }
 
 #[test]
 fn scenes_without_a_triangle_are_refused() {
     let no_face = refusal(SQUARE);
-    assert!(
-        no_face.contains("no face among its 4 lines (4 vertices)"),
-        "{no_face}"
-    );
+    assert!(no_face.contains("no face among its 4 lines (4 vertices)"), "{no_face}");
     assert!(refusal("\n \n").contains("no face among its 2 lines"));
     let no_use = refusal(format!("{SQUARE}f 1 1 2\nf 1 2 7\nf 3\nf 2 3\n"));
     assert!(

@@ -114,7 +114,10 @@ fn odd_sizes_are_whole() {
             for (pixel, count) in counts(&outcome.accumulated).iter().enumerate() {
                 let (x, y) = plan.tiles.position(pixel as u32);
                 let inside = x < size.0 && y < size.1;
-                assert!(inside || *count == Count::default(), "{size:?}: a pixel beyond the image was touched");
+                assert!(
+                    inside || *count == Count::default(),
+                    "{size:?}: a pixel beyond the image was touched"
+                );
                 assert_eq!(count.escaped0 + count.escaped1, traced(count), "a lone plane hides nothing");
             }
         }

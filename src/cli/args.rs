@@ -89,10 +89,14 @@ impl CameraArguments {
             return Err(Error::usage("--eye and --target are the same point: move one of them."));
         }
         if forward.cross(DVec3::from(up)).length() <= 1e-9 * forward.length() * DVec3::from(up).length() {
-            return Err(Error::usage("--up must not be zero nor along the view: choose another direction, such as 0,0,1."));
+            return Err(Error::usage(
+                "--up must not be zero nor along the view: choose another direction, such as 0,0,1.",
+            ));
         }
         if !(fov > 0.0 && fov < 180.0) {
-            return Err(Error::usage(format!("--fov {fov} is no angle of view: choose one between 0 and 180 degrees.")));
+            return Err(Error::usage(format!(
+                "--fov {fov} is no angle of view: choose one between 0 and 180 degrees."
+            )));
         }
         Ok(Camera::Pinhole { eye, target, up, fov })
     }
@@ -116,8 +120,10 @@ fn angles(text: &str) -> std::result::Result<[f64; 2], String> {
 
 /// Exactly N finite numbers, separated by commas.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|number: &f64| number.is_finite()))
+        .collect();
     numbers?.try_into().ok()
 }
 

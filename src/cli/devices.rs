@@ -27,7 +27,9 @@ pub fn table(adapters: &[Adapter]) -> String {
             format!("{major}.{minor}.{patch}"),
             adapter.subgroup_size.to_string(),
             format!("{:.1} GB", adapter.memory_bytes as f64 / 1e9),
-            adapter.timestamps.map_or("none".to_string(), |(period, bits)| format!("{bits} bits of {period} ns")),
+            adapter
+                .timestamps
+                .map_or("none".to_string(), |(period, bits)| format!("{bits} bits of {period} ns")),
             adapter.unusable.clone().unwrap_or_else(|| adapter.driver.clone()),
         ]);
     }

@@ -33,7 +33,8 @@ pub fn run() -> Result<()> {
     };
     text += &describe(&adapters);
     if instance.is_some() && adapters.is_empty() {
-        remedies.push("a driver: apt install mesa-vulkan-drivers (it also runs on the CPU), or your GPU's own");
+        remedies
+            .push("a driver: apt install mesa-vulkan-drivers (it also runs on the CPU), or your GPU's own");
     }
     if Instance::validation_available() {
         text += "validation  layer found (--validate)\n";
@@ -102,7 +103,8 @@ fn describe(adapters: &[Adapter]) -> String {
             );
         }
         if adapter.kind == DeviceKind::Cpu {
-            text += "            is a CPU: for a GPU install its vendor's driver (Mesa's: mesa-vulkan-drivers)\n";
+            text +=
+                "            is a CPU: for a GPU install its vendor's driver (Mesa's: mesa-vulkan-drivers)\n";
         }
     }
     text

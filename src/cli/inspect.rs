@@ -36,7 +36,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let geometry = Geometry::build(&scene, true)?;
     if geometry.without_area > 0 {
-        text += &format!("too thin    {} triangles, whose area 32-bit floats do not see\n", geometry.without_area);
+        text += &format!(
+            "too thin    {} triangles, whose area 32-bit floats do not see\n",
+            geometry.without_area
+        );
     }
     text += &format!(
         "tree        midpoint: {} nodes, {} levels, a stack of up to {} entries",

@@ -27,7 +27,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Render the ambient light of a scene.
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     /// List the Vulkan devices, best first.
     Devices,
     /// Tell what is there, what is missing and how to get it.
@@ -56,9 +56,9 @@ pub fn run() -> Result<()> {
 fn print(text: &str) -> Result<()> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::other(format!("The standard output could not be written ({error}): redirect it elsewhere.")))
-        }
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::other(format!(
+            "The standard output could not be written ({error}): redirect it elsewhere."
+        ))),
         _ => Ok(()),
     }
 }

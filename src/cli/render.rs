@@ -64,7 +64,10 @@ fn format_of(path: &Path) -> Result<Format> {
     match ending.as_deref() {
         Some("png") => Ok(Format::Png),
         Some("exr") => Ok(Format::Exr),
-        _ => Err(Error::usage(format!("{} ends in neither .png nor .exr: choose one of them.", path.display()))),
+        _ => Err(Error::usage(format!(
+            "{} ends in neither .png nor .exr: choose one of them.",
+            path.display()
+        ))),
     }
 }
 
@@ -123,11 +126,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let adapter = device.adapter();
     let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
     if geometry.without_area > 0 {
-        eprintln!("{}: {} triangles left out, whose area 32-bit floats do not see", scene.path, geometry.without_area);
+        eprintln!(
+            "{}: {} triangles left out, whose area 32-bit floats do not see",
+            scene.path, geometry.without_area
+        );
     }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
-    let job = Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };
+    let job =
+        Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     let mut meter = Meter::new();
     let outcome = execute::run(&device, &plan, &mut |progress| meter.observe(progress))?;

@@ -47,7 +47,8 @@ const BRUTE_UP_TO_ON_CPU: usize = 8;
 pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decision {
     let mut reasons = Vec::new();
     let preset = wishes.preset.unwrap_or(Preset::Auto);
-    let mut note = |what, choice: String, why: &str| reasons.push(Reason { what, choice, why: why.to_string() });
+    let mut note =
+        |what, choice: String, why: &str| reasons.push(Reason { what, choice, why: why.to_string() });
     let asked = "asked for";
     let settings = match preset {
         Preset::Original => {
@@ -71,8 +72,18 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             let mut choose = |what, wish: Option<&'static str>, default: &'static str, why: &str| {
                 note(what, wish.unwrap_or(default).into(), if wish.is_some() { asked } else { why });
             };
-            choose("sampler", wishes.sampler.map(Sampler::name), "pcg", "keyed by pixel and sample: order does not matter");
-            choose("accumulator", wishes.accumulator.map(Accumulator::name), "count", "exact, and it adds up in any order");
+            choose(
+                "sampler",
+                wishes.sampler.map(Sampler::name),
+                "pcg",
+                "keyed by pixel and sample: order does not matter",
+            );
+            choose(
+                "accumulator",
+                wishes.accumulator.map(Accumulator::name),
+                "count",
+                "exact, and it adds up in any order",
+            );
             choose("offset", wishes.offset.map(Offset::name), "scaled", "follows the scene's size");
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
@@ -97,7 +108,10 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
     let few = if adapter.kind == DeviceKind::Cpu { BRUTE_UP_TO_ON_CPU } else { BRUTE_UP_TO };
     if triangles <= few {
-        return (Method::Brute, format!("{triangles} triangles, at most {few}: a tree would not pay on this kind of device"));
+        return (
+            Method::Brute,
+            format!("{triangles} triangles, at most {few}: a tree would not pay on this kind of device"),
+        );
     }
     let entries = geometry.stack_bound;
     (Method::Threaded, format!("more than {few} triangles, and no stack of up to {entries} entries to keep"))
@@ -122,11 +136,13 @@ fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) 
 /// Refuses a stack that a ray could overflow, unless that is allowed.
 pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) -> Result<()> {
     match method {
-        Method::Stack(entries) if entries < geometry.stack_bound && !allow_overflow => Err(Error::usage(format!(
-            "{method} can overflow: this tree needs up to {} entries; choose --method stack{} or threaded, or \
+        Method::Stack(entries) if entries < geometry.stack_bound && !allow_overflow => {
+            Err(Error::usage(format!(
+                "{method} can overflow: this tree needs up to {} entries; choose --method stack{} or threaded, or \
              pass --allow-overflow to drop pushes and count the rays that it touches.",
-            geometry.stack_bound, geometry.stack_bound
-        ))),
+                geometry.stack_bound, geometry.stack_bound
+            )))
+        }
         _ => Ok(()),
     }
 }

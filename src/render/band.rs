@@ -11,8 +11,12 @@ use super::schedule::{Blocks, Pace, Scheduler, Work};
 use super::seeds::lcg_seeds;
 use super::tally::{Tally, Totals};
 use crate::error::{Error, Result};
-use crate::layout::{self, Carry, Count, Counters, FRAME_SAMPLES, Range, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE};
-use crate::vk::{Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard, Image, Pipeline};
+use crate::layout::{
+    self, Carry, Count, Counters, FRAME_SAMPLES, Range, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE,
+};
+use crate::vk::{
+    Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard, Image, Pipeline,
+};
 
 /// What all bands share.
 pub struct Inputs<'a> {
@@ -164,7 +168,8 @@ impl<'a> Band<'a> {
     }
 
     fn bindings<'b>(&'b self, slot: &'b Slot) -> Vec<(u32, Binding<'b>)> {
-        let geometry = |buffer| if self.inputs.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
+        let geometry =
+            |buffer| if self.inputs.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
         let mut bindings = vec![
             (layout::BINDING_FRAME, Binding::Buffer(self.inputs.frame)),
             (layout::BINDING_NODES, geometry(self.inputs.nodes)),
@@ -179,7 +184,12 @@ impl<'a> Band<'a> {
     }
 
     /// Records the ranges one after the other and hands them to the device.
-    fn submit<'b>(&'b self, slot: &'b Slot, kernel: &'b BoundKernel<'b>, ranges: Vec<Range>) -> Result<Flight<'b>> {
+    fn submit<'b>(
+        &'b self,
+        slot: &'b Slot,
+        kernel: &'b BoundKernel<'b>,
+        ranges: Vec<Range>,
+    ) -> Result<Flight<'b>> {
         let mut batch = Batch::new(self.inputs.device, ranges.len() as u32)?;
         batch.fill(&slot.counters, 0);
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
@@ -244,8 +254,11 @@ fn check_camera_rays(plan: &Plan<'_>, ranges: &[Range], totals: &Totals) -> Resu
         range.stage == STAGE_BOTH
             || range.stage == STAGE_CLOSEST && range.triangle_end == plan.frame.triangle_count
     };
-    let asked: u64 =
-        ranges.iter().filter(starts_rays).map(|range| plan.tiles.inside(range.pixel_begin, range.pixel_end)).sum();
+    let asked: u64 = ranges
+        .iter()
+        .filter(starts_rays)
+        .map(|range| plan.tiles.inside(range.pixel_begin, range.pixel_end))
+        .sum();
     if asked == totals.primary_asked {
         return Ok(());
     }

@@ -121,7 +121,9 @@ impl FromStr for Method {
                 match entries {
                     Some(entries) if (1..=MOST_STACK).contains(&entries) => Ok(Self::Stack(entries)),
                     Some(_) => Err(format!("a stack has 1 to {MOST_STACK} entries")),
-                    None => Err("choose brute, threaded (or cousu), or stackN such as stack16 or stack64".into()),
+                    None => {
+                        Err("choose brute, threaded (or cousu), or stackN such as stack16 or stack64".into())
+                    }
                 }
             }
         }

@@ -31,7 +31,8 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
     let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
     let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
     let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
-    let pipeline = Pipeline::new(device, find_kernel(&plan.kernel)?, &plan.constants, size_of::<Range>() as u32)?;
+    let pipeline =
+        Pipeline::new(device, find_kernel(&plan.kernel)?, &plan.constants, size_of::<Range>() as u32)?;
     let image = new_image(device, plan)?;
     let inputs = Inputs {
         device,

@@ -6,8 +6,8 @@ use crate::bvh::{self, Tree};
 use crate::error::{Error, Result};
 use crate::layout::Triangle;
 use crate::pack;
-use crate::scene::condition::{self, Placement};
 use crate::scene::Scene;
+use crate::scene::condition::{self, Placement};
 
 /// Placed triangles and the tree over them.
 pub struct Geometry {

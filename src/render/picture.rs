@@ -87,13 +87,16 @@ mod tests {
         // Halves of 8 tosses each: the error of the mean of 16 is 1/8.
         let mut state = 1u32;
         let mut toss = || {
-            (0..8).map(|_| {
-                state = crate::render::seeds::hash(state, 7);
-                state & 1
-            }).sum::<u32>()
+            (0..8)
+                .map(|_| {
+                    state = crate::render::seeds::hash(state, 7);
+                    state & 1
+                })
+                .sum::<u32>()
         };
-        let counts =
-            (0..20_000).map(|_| Count { escaped0: toss(), traced0: 8, escaped1: toss(), traced1: 8 }).collect();
+        let counts = (0..20_000)
+            .map(|_| Count { escaped0: toss(), traced0: 8, escaped1: toss(), traced1: 8 })
+            .collect();
         let rmse = rmse_estimate(&Accumulated::Counts(counts)).unwrap();
         assert!((rmse - 0.125).abs() < 0.125 * 0.03, "{rmse}");
     }

@@ -63,7 +63,10 @@ impl<'a> Plan<'a> {
             frame: frame(&job, &settings, scene, geometry),
             kernel: kernel_name(&settings, decision.accessor),
             constants: vec![
-                (layout::SPEC_STACK_SIZE, if let Method::Stack(entries) = settings.method { entries } else { 1 }),
+                (
+                    layout::SPEC_STACK_SIZE,
+                    if let Method::Stack(entries) = settings.method { entries } else { 1 },
+                ),
                 (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
@@ -102,14 +105,18 @@ impl<'a> Plan<'a> {
             Method::Threaded if self.settings.preset == Preset::Original => {
                 bytemuck::cast_slice(&pack::threaded_nodes48(tree, self.frame.box_pad)).to_vec()
             }
-            Method::Threaded => bytemuck::cast_slice(&pack::threaded_nodes(tree, self.frame.box_pad)).to_vec(),
+            Method::Threaded => {
+                bytemuck::cast_slice(&pack::threaded_nodes(tree, self.frame.box_pad)).to_vec()
+            }
         }
     }
 
     fn node_record_bytes(&self) -> usize {
         match self.settings.method {
             Method::Brute => 0,
-            Method::Threaded if self.settings.preset == Preset::Original => size_of::<layout::ThreadedNode48>(),
+            Method::Threaded if self.settings.preset == Preset::Original => {
+                size_of::<layout::ThreadedNode48>()
+            }
             _ => size_of::<layout::Node>(),
         }
     }
@@ -150,7 +157,7 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
         )));
     }
     let samples = job.samples.len() as u32;
-    if settings.preset == Preset::Original && samples % layout::FRAME_SAMPLES != 0 {
+    if settings.preset == Preset::Original && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
         return Err(Error::usage(format!(
             "The original traces {} rays a frame: choose a multiple of it for --spp, not {samples}.",
             layout::FRAME_SAMPLES
@@ -204,4 +211,3 @@ fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> 
         ..Frame::default()
     }
 }
-

@@ -4,8 +4,8 @@ use super::plan::Plan;
 use super::tally::Totals;
 use crate::error::{Error, Result};
 use crate::layout::{
-    self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES, Counters,
-    HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
+    self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES,
+    Counters, HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
 };
 use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipeline, find_kernel};
 
@@ -47,7 +47,8 @@ impl<'a> RayLists<'a> {
         let kernel = format!("trace/{}/{}", self.plan.settings.method.family(), self.plan.accessor_name());
         let mut hits = Vec::with_capacity(rays.len());
         for piece in rays.chunks(MOST_RAYS) {
-            let rays = Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
+            let rays =
+                Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
             let bytes = size_of_val(piece) / size_of::<RayRecord>() * size_of::<HitRecord>();
             let found = Buffer::new(self.device, "hits", BufferUse::Storage, bytes as u64)?;
             let stage = if query == Query::Closest { STAGE_CLOSEST } else { STAGE_ANY };

@@ -68,8 +68,11 @@ impl Scheduler {
         let budget = pace.loop_iterations.map(|limit| limit - limit / 8);
         // A tree's ray visits some multiple of log n nodes; a kernel that still runs out of iterations
         // says so, and its pixels are taken up again.
-        let steps_of_ray = if work.brute { work.triangles + 2 } else { 64 + 64 * (work.triangles + 1).ilog2() };
-        let block = budget.map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1)).clamp(1, pace.samples);
+        let steps_of_ray =
+            if work.brute { work.triangles + 2 } else { 64 + 64 * (work.triangles + 1).ilog2() };
+        let block = budget
+            .map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1))
+            .clamp(1, pace.samples);
         let part = if work.brute {
             let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);
             two_rays.min(MOST_PART)
@@ -135,7 +138,8 @@ impl Scheduler {
             STAGE_ANY => samples,
             _ => 1.0 + samples,
         };
-        let share = f64::from(range.triangle_end - range.triangle_begin) / f64::from(self.work.triangles.max(1));
+        let share =
+            f64::from(range.triangle_end - range.triangle_begin) / f64::from(self.work.triangles.max(1));
         pixels * rays * share
     }
 
@@ -213,7 +217,15 @@ mod tests {
     };
 
     fn work(triangles: u32, brute: bool, blocks: Blocks) -> Work {
-        Work { pixel_begin: 64, pixel_end: 64 * 101, sample_begin: 3, sample_end: 200, triangles, brute, blocks }
+        Work {
+            pixel_begin: 64,
+            pixel_end: 64 * 101,
+            sample_begin: 3,
+            sample_end: 200,
+            triangles,
+            brute,
+            blocks,
+        }
     }
 
     fn all(work: Work, pace: Pace) -> Vec<Range> {
@@ -231,7 +243,9 @@ mod tests {
 
     #[test]
     fn every_pixel_gets_every_sample_once() {
-        for work in [work(5456, false, Blocks::Free), work(32, true, Blocks::Free), work(9, false, Blocks::Frames(4))] {
+        for work in
+            [work(5456, false, Blocks::Free), work(32, true, Blocks::Free), work(9, false, Blocks::Frames(4))]
+        {
             let mut seen = vec![0u8; 101 * 200];
             for range in all(work, CPU) {
                 assert_eq!((range.pixel_base, range.stage), (64, STAGE_BOTH));
@@ -252,9 +266,12 @@ mod tests {
     #[test]
     fn an_invocation_keeps_within_the_loop_limit() {
         for triangles in [1, 32, 5456, 40_000, 3_000_000] {
-            for range in all(Work { pixel_end: 128, sample_end: 8, ..work(triangles, true, Blocks::Free) }, CPU) {
+            for range in
+                all(Work { pixel_end: 128, sample_end: 8, ..work(triangles, true, Blocks::Free) }, CPU)
+            {
                 let tests = u64::from(range.triangle_end - range.triangle_begin);
-                let rays = u64::from(range.sample_end - range.sample_begin) + u64::from(range.stage == STAGE_BOTH);
+                let rays =
+                    u64::from(range.sample_end - range.sample_begin) + u64::from(range.stage == STAGE_BOTH);
                 assert!(tests * rays <= 65_535, "{range:?}");
             }
         }
@@ -269,7 +286,11 @@ mod tests {
     }
 
     fn sum_of(ranges: &[Range], stage: u32) -> u32 {
-        ranges.iter().filter(|range| range.stage == stage).map(|range| range.triangle_end - range.triangle_begin).sum()
+        ranges
+            .iter()
+            .filter(|range| range.stage == stage)
+            .map(|range| range.triangle_end - range.triangle_begin)
+            .sum()
     }
 
     #[test]
@@ -287,7 +308,13 @@ mod tests {
     #[test]
     fn a_fast_device_gets_one_dispatch() {
         let pace = Pace { rays_per_ms: 1e6, loop_iterations: None, ..CPU };
-        let whole = Work { pixel_begin: 0, pixel_end: 1 << 20, sample_begin: 0, sample_end: 64, ..work(9, false, Blocks::Free) };
+        let whole = Work {
+            pixel_begin: 0,
+            pixel_end: 1 << 20,
+            sample_begin: 0,
+            sample_end: 64,
+            ..work(9, false, Blocks::Free)
+        };
         assert_eq!(all(whole, pace).len(), 1);
     }
 }

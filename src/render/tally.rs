@@ -58,7 +58,8 @@ impl Totals {
 
     /// Rays that were begun and not brought to their end.
     pub fn missing(&self) -> u64 {
-        (self.primary_asked + self.ambient_asked).saturating_sub(self.primary_finished + self.ambient_finished)
+        (self.primary_asked + self.ambient_asked)
+            .saturating_sub(self.primary_finished + self.ambient_finished)
     }
 }
 

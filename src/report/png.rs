@@ -29,7 +29,12 @@ impl Encoding {
 }
 
 /// Writes the picture in grey, black where nothing was hit, with the manifest as a text chunk `cousu`.
-pub fn write(picture: &Picture, encoding: Encoding, manifest: &Manifest, out: &mut dyn Write) -> io::Result<()> {
+pub fn write(
+    picture: &Picture,
+    encoding: Encoding,
+    manifest: &Manifest,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let pixels = RgbImage::from_fn(picture.width, picture.height, |x, y| {
         let place = y as usize * picture.width as usize + x as usize;
         Rgb([encoding.byte(picture.light[place]); 3])
@@ -55,7 +60,9 @@ mod tests {
 
     #[test]
     fn srgb_meets_its_known_values() {
-        for (light, byte) in [(0.0, 0), (1.0, 255), (0.5, 188), (0.215_860_5, 128), (0.212_230_76, 127), (0.002, 7)] {
+        for (light, byte) in
+            [(0.0, 0), (1.0, 255), (0.5, 188), (0.215_860_5, 128), (0.212_230_76, 127), (0.002, 7)]
+        {
             assert_eq!(Encoding::Srgb.byte(light), byte, "{light}");
         }
         assert_eq!(Encoding::Linear.byte(0.5), 128);

@@ -220,9 +220,7 @@ impl<'a> Batch<'a> {
     pub fn copy_image(&mut self, image: &'a Image, to: &'a Buffer) {
         let region = vk::BufferImageCopy::default()
             .image_subresource(
-                vk::ImageSubresourceLayers::default()
-                    .aspect_mask(vk::ImageAspectFlags::COLOR)
-                    .layer_count(1),
+                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
             )
             .image_extent(vk::Extent3D { width: image.size.0, height: image.size.1, depth: 1 });
         let (general, source) = (vk::ImageLayout::GENERAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
@@ -249,7 +247,15 @@ impl<'a> Batch<'a> {
         let none = vk::DependencyFlags::empty();
         // SAFETY: the command buffer is recording; the image is in its old layout.
         unsafe {
-            self.device.raw.cmd_pipeline_barrier(self.commands, from_stage, to_stage, none, &[], &[], &[change]);
+            self.device.raw.cmd_pipeline_barrier(
+                self.commands,
+                from_stage,
+                to_stage,
+                none,
+                &[],
+                &[],
+                &[change],
+            );
         }
     }
 

@@ -56,7 +56,13 @@ pub fn geometry(scene: &Scene, preset: Preset) -> Geometry {
     Geometry::build(scene, preset != Preset::Original).expect("a tree")
 }
 
-pub fn plan<'a>(device: &Device, scene: &Scene, geometry: &'a Geometry, job: Job, wishes: Wishes) -> Plan<'a> {
+pub fn plan<'a>(
+    device: &Device,
+    scene: &Scene,
+    geometry: &'a Geometry,
+    job: Job,
+    wishes: Wishes,
+) -> Plan<'a> {
     let decision = auto::decide(&wishes, geometry, device.adapter());
     plan_decided(device, scene, geometry, job, &decision)
 }
@@ -76,7 +82,8 @@ pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> 
     let mut decisions = Vec::new();
     for method in [Method::Brute, Method::Stack(geometry.stack_bound.max(1)), Method::Threaded] {
         for accessor in [Accessor::StorageBuffer, Accessor::TexelBuffer] {
-            let decision = auto::decide(&Wishes { method: Some(method), ..wishes }, geometry, device.adapter());
+            let decision =
+                auto::decide(&Wishes { method: Some(method), ..wishes }, geometry, device.adapter());
             decisions.push(Decision { accessor, ..decision });
         }
     }
