@@ -106,7 +106,7 @@ fn a_render_writes_png_exr_and_json_with_the_manifest() {
         |rows, place, pixel: (f32, f32, f32, f32)| rows[place.y()][place.x()] = pixel,
     )
     .unwrap();
-    assert!(image.layer_data.attributes.other.keys().any(|name| name.to_string() == "cousu"));
+    assert!(image.layer_data.attributes.other.contains_key(&exr::prelude::Text::from("cousu")));
     let rows = &image.layer_data.channel_data.pixels;
     let mut hits = 0;
     for (y, row) in rows.iter().enumerate() {
