@@ -177,6 +177,9 @@ impl Twin {
     }
 }
 
+/// Ambient rays of one sample with what they hit.
+type Traced = (Vec<RayRecord>, Vec<HitRecord>);
+
 /// Expects that all methods give the same answers and that f64 brute force accepts each of them.
 fn check_rays(
     device: &Device,
@@ -185,14 +188,14 @@ fn check_rays(
     job: &Job,
     ambient: std::ops::Range<u32>,
 ) -> u64 {
-    let mut first: Option<(Vec<HitRecord>, Vec<(Vec<RayRecord>, Vec<HitRecord>)>)> = None;
+    let mut first: Option<(Vec<HitRecord>, Vec<Traced>)> = None;
     let mut judged = 0;
     for decision in every_traversal(Wishes::default(), geometry, device) {
         let plan = plan_decided(device, scene, geometry, job.clone(), &decision);
         let lists = RayLists::new(device, &plan).unwrap();
         let camera = lists.camera_rays().unwrap();
         let closest = lists.trace(Query::Closest, &camera).unwrap();
-        let any: Vec<(Vec<RayRecord>, Vec<HitRecord>)> = ambient
+        let any: Vec<Traced> = ambient
             .clone()
             .map(|sample| {
                 // The rays are the storage buffer kernel's, so they are made once.
