@@ -3,6 +3,7 @@
 //! The GLSL side of `src/layout.rs` is generated here; includes are resolved here; and the offsets
 //! that the compiler gave to every shared record are checked against Rust's.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -47,11 +48,13 @@ fn run() -> Result<(), Failure> {
         // The optimizer strips the names that reflection goes by.
         let named = compile(&compiler, row, shaderc::OptimizationLevel::Zero)?;
         let spirv = compile(&compiler, row, shaderc::OptimizationLevel::Performance)?;
+        let glsl = out.join(format!("kernel{number}.glsl"));
+        std::fs::write(&glsl, opengl_text(&compiler, row)?)?;
         let file = out.join(format!("kernel{number}.spv"));
         std::fs::write(&file, spirv.as_binary_u8())?;
         hash.update(row.name.as_bytes());
         hash.update(spirv.as_binary_u8());
-        writeln!(table, "{}", table_entry(row, &file, spirv.as_binary())?)?;
+        writeln!(table, "{}", table_entry(row, &file, &glsl, spirv.as_binary())?)?;
         check_offsets(row, named.as_binary(), &mut checked)?;
     }
     if let Some(record) = layout::RECORDS.iter().find(|record| !checked.contains(record.name)) {
@@ -105,19 +108,52 @@ fn compile(
     row: &Row,
     optimization: shaderc::OptimizationLevel,
 ) -> Result<shaderc::CompilationArtifact, Failure> {
-    let text = std::fs::read_to_string(&row.entry).map_err(|error| format!("{}: {error}", row.entry))?;
-    // An include is inlined where it first appears, so that files may name what they need.
-    let seen = std::cell::RefCell::new(Vec::new());
-    let mut options = shaderc::CompileOptions::new()?;
+    let seen = RefCell::new(Vec::new());
+    let mut options = options(row, &seen)?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_forced_version_profile(460, shaderc::GlslProfile::None);
     options.set_optimization_level(optimization);
+    compiler
+        .compile_into_spirv(
+            &entry_text(row)?,
+            shaderc::ShaderKind::Compute,
+            &row.entry,
+            "main",
+            Some(&options),
+        )
+        .map_err(|error| format!("kernel {}:\n{error}", row.name).into())
+}
+
+/// The same text for an OpenGL driver: includes and macros resolved, specialization constants left as
+/// `SPECIALIZED(id)`.
+fn opengl_text(compiler: &shaderc::Compiler, row: &Row) -> Result<String, Failure> {
+    let seen = RefCell::new(Vec::new());
+    let mut options = options(row, &seen)?;
+    options.set_target_env(shaderc::TargetEnv::OpenGL, shaderc::EnvVersion::OpenGL4_5 as u32);
+    options.set_forced_version_profile(430, shaderc::GlslProfile::Core);
+    let artifact = compiler
+        .preprocess(&entry_text(row)?, &row.entry, "main", Some(&options))
+        .map_err(|error| format!("kernel {}:\n{error}", row.name))?;
+    // Drivers know neither these directives' file names nor the extension that allows them.
+    let text = artifact.as_text();
+    let lines = text.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty());
+    Ok(lines.fold(String::from("#version 430 core\n"), |text, line| text + line + "\n"))
+}
+
+fn entry_text(row: &Row) -> Result<String, Failure> {
+    Ok(std::fs::read_to_string(&row.entry).map_err(|error| format!("{}: {error}", row.entry))?)
+}
+
+/// What both APIs' compilations share. An include is inlined where it first appears, so that files may
+/// name what they need; `seen` remembers them.
+fn options<'a>(row: &'a Row, seen: &'a RefCell<Vec<String>>) -> Result<shaderc::CompileOptions<'a>, Failure> {
+    let mut options = shaderc::CompileOptions::new()?;
     options.set_warnings_as_errors();
     options.add_macro_definition(&format!("ACCESSOR_{}", row.accessor.to_uppercase()), None);
     for (key, value) in &row.defines {
         options.add_macro_definition(key, value.as_deref());
     }
-    options.set_include_callback(|wanted, _, from, _| {
+    options.set_include_callback(move |wanted, _, from, _| {
         let (path, content) = include(wanted, from, row)?;
         let mut seen = seen.borrow_mut();
         let first = !seen.contains(&path);
@@ -127,9 +163,7 @@ fn compile(
             content: if first { content } else { "\n".into() },
         })
     });
-    compiler
-        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &row.entry, "main", Some(&options))
-        .map_err(|error| format!("kernel {}:\n{error}", row.name).into())
+    Ok(options)
 }
 
 /// Path and text of an include: generated, the row's traversal, or a file under `shaders/`.
@@ -153,7 +187,9 @@ fn include(wanted: &str, from: &str, row: &Row) -> Result<(String, String), Stri
 fn glsl_layout() -> String {
     let mut glsl = String::new();
     for (name, value) in layout::CONSTANTS {
-        let suffix = if name.starts_with("BINDING_") || name.starts_with("SPEC_") { "" } else { "u" };
+        // Layout qualifiers take plain literals.
+        let qualifier = ["BINDING_", "SPEC_", "TILE_"].iter().any(|prefix| name.starts_with(prefix));
+        let suffix = if qualifier { "" } else { "u" };
         glsl += &format!("#define {name} {value}{suffix}\n");
     }
     for record in layout::RECORDS {
@@ -211,7 +247,7 @@ fn load(row: &Row, spirv: &[u32]) -> Result<Module, Failure> {
 }
 
 /// A row of the table of kernels: name, SPIR-V, descriptors.
-fn table_entry(row: &Row, file: &Path, spirv: &[u32]) -> Result<String, Failure> {
+fn table_entry(row: &Row, file: &Path, glsl: &Path, spirv: &[u32]) -> Result<String, Failure> {
     let module = load(row, spirv)?;
     let reflection = Reflection::new(&module);
     let mut bindings = BTreeMap::new();
@@ -225,9 +261,10 @@ fn table_entry(row: &Row, file: &Path, spirv: &[u32]) -> Result<String, Failure>
     let list: String =
         bindings.iter().map(|(binding, kind)| format!("({binding}, DescriptorKind::{kind}), ")).collect();
     Ok(format!(
-        "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), bindings: &[{list}] }},",
+        "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), glsl: include_str!({:?}), bindings: &[{list}] }},",
         row.name,
-        file.display().to_string()
+        file.display().to_string(),
+        glsl.display().to_string()
     ))
 }
 

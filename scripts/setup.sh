@@ -13,6 +13,8 @@ build  spirv-tools              has_spirv_tools  the SPIR-V optimizer, which the
 run    libvulkan1               has_loader       the Vulkan loader
 run    mesa-vulkan-drivers      has_driver       a Vulkan driver for the CPU and for GPUs, as there is none yet
 test   vulkan-validationlayers  has_validation   the validation layer, under which the tests run
+test   libegl1                  has_egl          EGL, which opens OpenGL without a window for `cousu compare`
+test   libgl1-mesa-dri          has_opengl       an OpenGL driver for the CPU and for GPUs, as there is none yet
 '
 
 main() {
@@ -99,6 +101,20 @@ has_driver() {
 
 has_validation() {
     [[ -n $(vulkan_manifests explicit_layer.d VkLayer_khronos_validation.json) ]]
+}
+
+has_egl() {
+    has_library libEGL.so.1
+}
+
+# A vendor's own driver brings its manifest for the vendor-neutral EGL; Mesa's needs its DRI modules too.
+has_opengl() {
+    [[ -z ${__EGL_VENDOR_LIBRARY_FILENAMES-} ]] || return 0
+    local manifest
+    for manifest in /usr/share/glvnd/egl_vendor.d/*.json /etc/glvnd/egl_vendor.d/*.json; do
+        [[ ! -e $manifest || $manifest == *mesa* ]] || return 0
+    done
+    has_library libEGL_mesa.so.0 && [[ -n $(find /usr/lib -name swrast_dri.so -o -name 'libgallium*' 2>/dev/null) ]]
 }
 
 has() {

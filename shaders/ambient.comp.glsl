@@ -13,7 +13,8 @@
 #include "shared/accumulate.glsl"
 #include "shared/counters.glsl"
 
-layout(local_size_x = WORKGROUP_SIZE) in;
+// A tile of pixels.
+layout(local_size_x = TILE_SIDE, local_size_y = TILE_SIDE) in;
 
 STORAGE_BLOCK(BINDING_SEEDS) buffer SeedBlock { uint seeds[]; };
 
@@ -116,7 +117,7 @@ void trace_ambient(bool hit) {
 }
 
 void main() {
-    pixel = range.pixel_begin + gl_GlobalInvocationID.x;
+    pixel = range.pixel_begin + gl_WorkGroupID.x * WORKGROUP_SIZE + gl_LocalInvocationIndex;
     position = pixel_position(pixel);
     sample_end = range.sample_end;
     escaped = uvec2(0u);

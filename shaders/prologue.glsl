@@ -6,4 +6,13 @@
 #define STORAGE_IMAGE(n, image_format) layout(set = 0, binding = n, image_format) uniform
 #define DISPATCH_BLOCK layout(push_constant) uniform
 #define CONSTANT(n, type, name, value) layout(constant_id = n) const type name = value
+#else
+// OpenGL: uniform blocks, storage blocks and images are numbered apart; what is specialized in Vulkan is
+// put into the text by the host.
+#define UNIFORM_BLOCK(n) layout(binding = n, std140) uniform
+#define STORAGE_BLOCK(n) layout(binding = n, std430)
+#define TEXELS(n) layout(binding = n) uniform
+#define STORAGE_IMAGE(n, image_format) layout(binding = n, image_format) uniform
+#define DISPATCH_BLOCK layout(binding = BINDING_RANGE, std140) uniform
+#define CONSTANT(n, type, name, value) const type name = type(SPECIALIZED(n))
 #endif

@@ -214,6 +214,8 @@ constants! {
     BINDING_COUNTERS = 7;
     BINDING_RAYS = 8;
     BINDING_HITS = 9;
+    /// The range of a dispatch, where it is a uniform block (OpenGL).
+    BINDING_RANGE = 10;
 
     /// Specialization constants.
     SPEC_STACK_SIZE = 0;

@@ -4,6 +4,9 @@
 pub mod bvh;
 pub mod cli;
 pub mod error;
+pub mod gl;
+pub mod kernels;
+pub mod lab;
 pub mod layout;
 pub mod pack;
 pub mod reference;

@@ -2,8 +2,9 @@
 
 mod common;
 
+use cousu::kernels::find_kernel;
 use cousu::layout::{BINDING_FRAME, BINDING_HITS, BINDING_NODES, Frame, RECORDS, Range};
-use cousu::vk::{Batch, Binding, Buffer, BufferUse, Pipeline, find_kernel};
+use cousu::vk::{Batch, Binding, Buffer, BufferUse, Pipeline};
 
 /// Words that no float conversion may touch: NaNs with payloads, denormals, infinities and random bits.
 fn random_words(count: usize) -> Vec<u32> {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::devices;
 use crate::error::{Error, Result};
+use crate::gl::{Context, Preference};
 use crate::vk::{Adapter, DeviceKind, Instance};
 
 /// Where the loader looks for drivers' manifests by default.
@@ -35,6 +36,16 @@ pub fn run() -> Result<()> {
     if instance.is_some() && adapters.is_empty() {
         remedies
             .push("a driver: apt install mesa-vulkan-drivers (it also runs on the CPU), or your GPU's own");
+    }
+    match Context::open(Preference::Hardware) {
+        Ok(context) => {
+            text += &format!("OpenGL      {} ({}, {})\n", context.renderer, context.version, context.platform)
+        }
+        Err(_) => {
+            text += "OpenGL      no context without a window (only `compare` needs it)\n";
+            remedies
+                .push("OpenGL for `compare`: apt install libegl1 libgl1-mesa-dri, or your GPU's own driver");
+        }
     }
     if Instance::validation_available() {
         text += "validation  layer found (--validate)\n";

@@ -1,6 +1,7 @@
 //! The command line: one thin file a command.
 
 mod args;
+mod compare;
 mod devices;
 mod doctor;
 mod inspect;
@@ -28,6 +29,8 @@ struct Cli {
 enum Command {
     /// Render the ambient light of a scene.
     Render(Box<render::Arguments>),
+    /// Run the same frames on OpenGL and on Vulkan, side by side: images and times.
+    Compare(Box<compare::Arguments>),
     /// List the Vulkan devices, best first.
     Devices,
     /// Tell what is there, what is missing and how to get it.
@@ -44,6 +47,7 @@ enum Command {
 pub fn run() -> Result<()> {
     match Cli::parse().command {
         Command::Render(arguments) => render::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),
         Command::Inspect(arguments) => inspect::run(&arguments),

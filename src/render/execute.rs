@@ -7,8 +7,9 @@ use super::plan::Plan;
 use super::schedule::Pace;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
+use crate::kernels::find_kernel;
 use crate::layout::{self, Carry, Count, Range};
-use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline, find_kernel};
+use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline};
 
 /// What came of a render.
 #[derive(Clone, Debug)]
@@ -66,7 +67,7 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
     })
 }
 
-fn image_format(plan: &Plan<'_>) -> Option<ImageFormat> {
+pub(super) fn image_format(plan: &Plan<'_>) -> Option<ImageFormat> {
     match plan.settings.accumulator {
         Accumulator::Count => None,
         Accumulator::Rgba8 => Some(ImageFormat::Rgba8),
@@ -85,7 +86,7 @@ fn new_image(device: &Device, plan: &Plan<'_>) -> Result<Option<Image>> {
 }
 
 /// An image's texels as floats.
-fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
+pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
     match format {
         ImageFormat::Rgba8 => {
             bytes.chunks_exact(4).map(|texel| [0, 1, 2, 3].map(|i| f32::from(texel[i]) / 255.0)).collect()

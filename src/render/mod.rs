@@ -4,6 +4,7 @@ pub mod auto;
 mod band;
 pub mod choices;
 pub mod execute;
+pub mod frames;
 pub mod geometry;
 pub mod picture;
 pub mod plan;

@@ -3,11 +3,12 @@
 use super::plan::Plan;
 use super::tally::Totals;
 use crate::error::{Error, Result};
+use crate::kernels::find_kernel;
 use crate::layout::{
     self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES,
     Counters, HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
 };
-use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipeline, find_kernel};
+use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipeline};
 
 /// Rays of one dispatch at most.
 const MOST_RAYS: usize = 1 << 20;

@@ -21,6 +21,16 @@ enum Target {
     Direct(File),
 }
 
+/// Makes sure that a folder for results exists.
+pub fn folder(path: &Path) -> Result<()> {
+    fs::create_dir_all(path).map_err(|error| {
+        Error::other(format!(
+            "The folder {} could not be made ({error}): choose another place.",
+            path.display()
+        ))
+    })
+}
+
 /// What results are written to.
 pub trait WriteSeek: Write + Seek {}
 impl<T: Write + Seek> WriteSeek for T {}

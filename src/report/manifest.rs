@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
+use crate::kernels::SPIRV_HASH;
 use crate::scene::Scene;
-use crate::vk::{Adapter, SPIRV_HASH};
+use crate::vk::Adapter;
 
 /// Enough to make the result again, and to tell whether it would be the same.
 #[derive(Clone, Debug, Serialize)]

@@ -39,7 +39,17 @@ pub fn write(
         let place = y as usize * picture.width as usize + x as usize;
         Rgb([encoding.byte(picture.light[place]); 3])
     });
-    let mut encoder = png::Encoder::new(out, picture.width, picture.height);
+    write_rgb(&pixels, encoding, manifest, out)
+}
+
+/// Writes bytes that are encoded already, with the manifest.
+pub fn write_rgb(
+    pixels: &RgbImage,
+    encoding: Encoding,
+    manifest: &Manifest,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(out, pixels.width(), pixels.height());
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     if encoding == Encoding::Srgb {

@@ -1,4 +1,4 @@
-//! The compiled kernels, pipelines made from them, and their descriptors.
+//! Kernels made ready for a device, and their descriptors.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -10,44 +10,14 @@ use super::device::{Device, Shared};
 use super::failed;
 use super::image::Image;
 use crate::error::{Error, Result};
+use crate::kernels::{DescriptorKind, Kernel};
 
-/// What a binding of a kernel shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DescriptorKind {
-    UniformBuffer,
-    StorageBuffer,
-    StorageImage,
-    UniformTexelBuffer,
-}
-
-/// A row of `shaders/kernels.txt`, compiled.
-#[derive(Debug)]
-pub struct Kernel {
-    pub name: &'static str,
-    spirv: &'static [u8],
-    /// Bindings of set 0 that the kernel uses.
-    pub bindings: &'static [(u32, DescriptorKind)],
-}
-
-include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
-
-/// The kernel of this name in [`KERNELS`].
-pub fn find_kernel(name: &str) -> Result<&'static Kernel> {
-    KERNELS.iter().find(|kernel| kernel.name == name).ok_or_else(|| {
-        Error::usage(format!(
-            "There is no kernel for {name}: choose another combination of method and accumulator."
-        ))
-    })
-}
-
-impl DescriptorKind {
-    fn raw(self) -> vk::DescriptorType {
-        match self {
-            Self::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
-            Self::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
-            Self::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
-            Self::UniformTexelBuffer => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
-        }
+fn descriptor_type(kind: DescriptorKind) -> vk::DescriptorType {
+    match kind {
+        DescriptorKind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
+        DescriptorKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
+        DescriptorKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+        DescriptorKind::UniformTexelBuffer => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
     }
 }
 
@@ -84,7 +54,7 @@ impl Pipeline {
             .map(|(binding, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(*binding)
-                    .descriptor_type(kind.raw())
+                    .descriptor_type(descriptor_type(*kind))
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })
@@ -160,7 +130,7 @@ impl Pipeline {
             .kernel
             .bindings
             .iter()
-            .map(|(_, kind)| vk::DescriptorPoolSize::default().ty(kind.raw()).descriptor_count(1))
+            .map(|(_, kind)| vk::DescriptorPoolSize::default().ty(descriptor_type(*kind)).descriptor_count(1))
             .collect();
         let what = || format!("Binding the kernel {}", self.kernel.name);
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
@@ -217,7 +187,7 @@ impl BoundKernel<'_> {
         let mut write = vk::WriteDescriptorSet::default()
             .dst_set(self.set)
             .dst_binding(binding)
-            .descriptor_type(kind.raw())
+            .descriptor_type(descriptor_type(kind))
             .descriptor_count(1);
         write = match resource {
             Binding::Buffer(buffer) => {

@@ -17,7 +17,7 @@ pub use buffer::{Buffer, BufferUse};
 pub use device::Device;
 pub use image::{Image, ImageFormat};
 pub use instance::{Instance, VALIDATION_LAYER};
-pub use kernel::{Binding, BoundKernel, DescriptorKind, KERNELS, Kernel, Pipeline, SPIRV_HASH, find_kernel};
+pub use kernel::{Binding, BoundKernel, Pipeline};
 
 use crate::error::Error;
 

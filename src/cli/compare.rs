@@ -1,0 +1,239 @@
+//! `cousu compare`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::{Table, presets};
+use image::{Rgb, RgbImage};
+use serde::Serialize;
+
+use super::args::{CameraArguments, size};
+use super::session::{self, DeviceArguments};
+use crate::error::{Error, Result};
+use crate::gl::{Context, Preference, TimerKind};
+use crate::lab::compare::{Effort, Images, Row, measure};
+use crate::render::auto;
+use crate::render::choices::{Method, Preset, Wishes};
+use crate::render::frames::opengl::OpenGlFrames;
+use crate::render::frames::vulkan::Stage;
+use crate::render::geometry::Geometry;
+use crate::render::plan::{Job, Plan};
+use crate::report::atomic::{Output, folder};
+use crate::report::manifest::Manifest;
+use crate::report::png::{self, Encoding};
+use crate::scene::Scene;
+use crate::vk::{Device, DeviceKind};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scene, a Wavefront OBJ file
+    scene: PathBuf,
+    /// Folder for the table (compare.json, compare.csv) and the images
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Frames of four rays a pixel to measure on each API [default: 32]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    frames: Option<u32>,
+    /// Methods, separated by commas; undersized stacks drop what does not fit, as the original's did
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "METHODS",
+        default_value = "brute,stack64,stack16,threaded"
+    )]
+    methods: Vec<Method>,
+    /// Width and height of the picture in pixels [default: 1024x640]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+    /// A first look: by default 160x100 pixels and 16 frames
+    #[arg(long)]
+    quick: bool,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value = "0")]
+    seed: u32,
+    #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+/// What `compare.json` holds.
+#[derive(Serialize)]
+struct Record {
+    device: String,
+    driver: String,
+    gl_renderer: String,
+    gl_version: String,
+    gl_platform: &'static str,
+    scene: String,
+    size: [u32; 2],
+    rows: Vec<Row>,
+    manifest: Manifest,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let scene = Scene::load(&arguments.scene)?;
+    folder(&arguments.output)?;
+    let device = session::open(&arguments.device)?;
+    let software = device.adapter().kind == DeviceKind::Cpu;
+    let context = Context::open(if software { Preference::Software } else { Preference::Hardware })?;
+    if context.is_software() != software {
+        eprintln!(
+            "!!! OpenGL runs on {}, Vulkan on {}: not the same device.",
+            context.renderer,
+            device.adapter().name
+        );
+    }
+    let geometry = Geometry::build(&scene, false)?;
+    let (width, height) = arguments.size.unwrap_or(if arguments.quick { (160, 100) } else { (1024, 640) });
+    let mut record = Record {
+        device: device.adapter().name.clone(),
+        driver: device.adapter().driver.clone(),
+        gl_renderer: context.renderer.clone(),
+        gl_version: context.version.clone(),
+        gl_platform: context.platform,
+        scene: scene.path.clone(),
+        size: [width, height],
+        rows: Vec::new(),
+        manifest: Manifest::new(&scene, device.adapter(), arguments.seed),
+    };
+    for &method in &arguments.methods {
+        eprintln!("{method} ...");
+        match compare(arguments, &scene, &geometry, &device, &context, method, record.size) {
+            Ok((row, images)) => {
+                write_images(&arguments.output, &row.method, &images, record.size, &record.manifest)?;
+                record.rows.push(row);
+                write_tables(&arguments.output, &record)?;
+            }
+            // A row that fails does not lose the others.
+            Err(error) => eprintln!("{method} is left out: {error}"),
+        }
+    }
+    if record.rows.is_empty() {
+        return Err(Error::device("No method could be compared: see above."));
+    }
+    super::print(&table(&record))
+}
+
+/// One method's row and images.
+fn compare(
+    arguments: &Arguments,
+    scene: &Scene,
+    geometry: &Geometry,
+    device: &Device,
+    context: &Context,
+    method: Method,
+    size: [u32; 2],
+) -> Result<(Row, Images)> {
+    let camera = arguments.camera.camera(scene, Preset::Original)?;
+    let frames = arguments.frames.unwrap_or(if arguments.quick { 16 } else { 32 });
+    let job =
+        Job { camera, size: (size[0], size[1]), samples: 0..4 * frames, seed: arguments.seed, block: None };
+    let wishes = Wishes { preset: Some(Preset::Original), method: Some(method), ..Wishes::default() };
+    let decision = auto::decide(&wishes, geometry, device.adapter());
+    let plan = Plan::new(job, scene, geometry, &decision, &device.adapter().limits)?;
+    let stage = Stage::new(device, &plan)?;
+    let mut vk = stage.bind()?;
+    let mut gl = OpenGlFrames::new(context, &plan)?;
+    let effort = Effort { frames, warm_up: 4, patience_s: if arguments.quick { 8.0 } else { 120.0 } };
+    let (row, images) = measure(&method.to_string(), &mut gl, &mut vk, &effort)?;
+    Ok((Row { gl_timer: gl.timer(), ..row }, images))
+}
+
+fn write_tables(folder: &Path, record: &Record) -> Result<()> {
+    Output::claim(&folder.join("compare.json"))?.write(|out| {
+        serde_json::to_writer_pretty(&mut *out, record)?;
+        out.write_all(b"\n")
+    })?;
+    Output::claim(&folder.join("compare.csv"))?.write(|out| {
+        writeln!(
+            out,
+            "method,frames,gl_ms_median,gl_ms_low,gl_ms_high,gl_timer,vk_ms_median,vk_ms_low,vk_ms_high,ratio,ratio_low,\
+             ratio_high,pixels_different,max_difference"
+        )?;
+        for row in &record.rows {
+            let timer = if row.gl_timer == TimerKind::Wall { "wall" } else { "device" };
+            let numbers = |median: f64, [low, high]: [f64; 2]| format!("{median},{low},{high}");
+            writeln!(
+                out,
+                "{},{},{},{timer},{},{},{},{}",
+                row.method,
+                row.frames,
+                numbers(row.gl_ms_median, row.gl_ms_ci95),
+                numbers(row.vk_ms_median, row.vk_ms_ci95),
+                numbers(row.ratio, row.ratio_ci95),
+                row.difference.pixels_different,
+                row.difference.max_difference
+            )?;
+        }
+        Ok(())
+    })
+}
+
+fn table(record: &Record) -> String {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header(["method", "frames", "OpenGL ms", "Vulkan ms", "Vulkan/OpenGL", "pixels apart", "most"]);
+    for row in &record.rows {
+        let wall = if row.gl_timer == TimerKind::Wall { " (wall)" } else { "" };
+        table.add_row([
+            row.method.clone(),
+            row.frames.to_string(),
+            format!("{:.3} [{:.3}, {:.3}]{wall}", row.gl_ms_median, row.gl_ms_ci95[0], row.gl_ms_ci95[1]),
+            format!("{:.3} [{:.3}, {:.3}]", row.vk_ms_median, row.vk_ms_ci95[0], row.vk_ms_ci95[1]),
+            format!("{:.3} [{:.3}, {:.3}]", row.ratio, row.ratio_ci95[0], row.ratio_ci95[1]),
+            row.difference.pixels_different.to_string(),
+            format!("{:.4}", row.difference.max_difference),
+        ]);
+    }
+    format!(
+        "{} {}x{}\nVulkan   {} ({})\nOpenGL   {} ({}, {})\n\n{}",
+        record.scene,
+        record.size[0],
+        record.size[1],
+        record.device,
+        record.driver,
+        record.gl_renderer,
+        record.gl_version,
+        record.gl_platform,
+        table.trim_fmt()
+    )
+}
+
+/// The two images, the two side by side, and where they differ: black for equal, red for a step of a byte,
+/// white for a tenth of the range and more.
+fn write_images(
+    folder: &Path,
+    method: &str,
+    images: &Images,
+    size: [u32; 2],
+    manifest: &Manifest,
+) -> Result<()> {
+    let [width, height] = size;
+    let grey = |pixels: &[[f32; 4]], x: u32, y: u32| {
+        Rgb([Encoding::Srgb.byte(pixels[(y * width + x) as usize][0]); 3])
+    };
+    let heat = |x: u32, y: u32| {
+        let place = (y * width + x) as usize;
+        let apart = (images.gl[place][0] - images.vk[place][0]).abs();
+        let channel = |from: f32, to: f32| (((apart - from) / (to - from)).clamp(0.0, 1.0) * 255.0) as u8;
+        Rgb([channel(0.0, 1.0 / 255.0), channel(1.0 / 255.0, 0.03), channel(0.03, 0.1)])
+    };
+    let pictures = [
+        ("gl", RgbImage::from_fn(width, height, |x, y| grey(&images.gl, x, y))),
+        ("vk", RgbImage::from_fn(width, height, |x, y| grey(&images.vk, x, y))),
+        (
+            "both",
+            RgbImage::from_fn(2 * width, height, |x, y| {
+                if x < width { grey(&images.gl, x, y) } else { grey(&images.vk, x - width, y) }
+            }),
+        ),
+        ("difference", RgbImage::from_fn(width, height, heat)),
+    ];
+    for (name, picture) in pictures {
+        let path = folder.join(format!("{method}-{name}.png"));
+        Output::claim(&path)?
+            .write(|mut out| png::write_rgb(&picture, Encoding::Srgb, manifest, &mut out))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,34 @@
+//! The rows of `shaders/kernels.txt`, compiled: SPIR-V for Vulkan, and the same text for OpenGL drivers.
+
+use crate::error::{Error, Result};
+
+/// What a binding of a kernel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DescriptorKind {
+    UniformBuffer,
+    StorageBuffer,
+    StorageImage,
+    UniformTexelBuffer,
+}
+
+/// A row of `shaders/kernels.txt`.
+#[derive(Debug)]
+pub struct Kernel {
+    pub name: &'static str,
+    pub spirv: &'static [u8],
+    /// GLSL for OpenGL 4.3; specialization constants stand in it as `SPECIALIZED(id)`.
+    pub glsl: &'static str,
+    /// Bindings of set 0 that the kernel uses.
+    pub bindings: &'static [(u32, DescriptorKind)],
+}
+
+include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+
+/// The kernel of this name in [`KERNELS`].
+pub fn find_kernel(name: &str) -> Result<&'static Kernel> {
+    KERNELS.iter().find(|kernel| kernel.name == name).ok_or_else(|| {
+        Error::usage(format!(
+            "There is no kernel for {name}: choose another combination of method and accumulator."
+        ))
+    })
+}

@@ -1,0 +1,4 @@
+//! Experiments, one a file. They see plans and records, never a handle of an API.
+
+pub mod compare;
+pub mod statistics;

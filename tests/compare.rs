@@ -1,0 +1,64 @@
+//! The same GLSL on OpenGL and on Vulkan.
+
+use std::process::Command;
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+
+fn compare(scene: &str, more: &[&str]) -> (serde_json::Value, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_cousu"))
+        .args(["compare", &format!("{ASSETS}/{scene}.obj"), "--quick", "--validate", "-o"])
+        .arg(folder.path())
+        .args(more)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(!said.contains("validation:"), "{said}");
+    assert!(!said.contains("left out"), "{said}");
+    let json = std::fs::read(folder.path().join("compare.json")).unwrap();
+    (serde_json::from_slice(&json).unwrap(), folder)
+}
+
+/// After 16 frames from the same seeds at most 20 pixels in a million differ by more than a byte's step.
+#[test]
+fn sixteen_frames_are_the_same_on_both() {
+    for (scene, methods) in
+        [("cornell", "brute,stack64,stack16,threaded"), ("maison", "stack64,stack16,threaded")]
+    {
+        let (record, _folder) = compare(scene, &["--methods", methods, "--size", "320x200"]);
+        let rows = record["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), methods.split(',').count());
+        for row in rows {
+            assert_eq!(row["frames"], 16, "{row}");
+            let apart = row["pixels_different"].as_f64().unwrap();
+            assert!(apart / (320.0 * 200.0) <= 20e-6, "{scene}: {row}");
+            for key in ["gl_ms_median", "vk_ms_median", "ratio"] {
+                assert!(row[key].as_f64().unwrap() > 0.0, "{key}: {row}");
+            }
+            for key in ["gl_ms_ci95", "vk_ms_ci95", "ratio_ci95"] {
+                let ends: Vec<f64> =
+                    row[key].as_array().unwrap().iter().map(|end| end.as_f64().unwrap()).collect();
+                assert!(ends[0] <= ends[1], "{key}: {row}");
+            }
+            assert!(row["gl_timer"] == "wall" || row["gl_timer"] == "device");
+        }
+    }
+}
+
+#[test]
+fn compare_writes_its_table_and_its_pictures() {
+    let (record, folder) = compare("cornell", &["--methods", "threaded", "--frames", "3"]);
+    assert_eq!(record["rows"][0]["frames"], 3);
+    let csv = std::fs::read_to_string(folder.path().join("compare.csv")).unwrap();
+    let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0].len(), lines[1].len());
+    assert_eq!(lines[1][0], "threaded");
+    for (name, width) in [("gl", 160), ("vk", 160), ("both", 320), ("difference", 160)] {
+        let picture = image::open(folder.path().join(format!("threaded-{name}.png"))).unwrap().to_rgb8();
+        assert_eq!(picture.dimensions(), (width, 100), "{name}");
+        let brightest = picture.pixels().map(|pixel| pixel[0]).max().unwrap();
+        assert!(name == "difference" || brightest > 100, "{name} is dark");
+    }
+}
