@@ -94,7 +94,7 @@ fn rows(list: &str) -> Result<Vec<Row>, Failure> {
             });
         rows.push(Row {
             name: name.into(),
-            entry: format!("shaders/{entry}.comp.glsl"),
+            entry: format!("shaders/{entry}.glsl"),
             traverse: format!("shaders/traverse/{traverse}.glsl"),
             accessor: accessor.into(),
             defines: defines.collect(),
@@ -116,7 +116,7 @@ fn compile(
     compiler
         .compile_into_spirv(
             &entry_text(row)?,
-            shaderc::ShaderKind::Compute,
+            stage(row)?,
             &row.entry,
             "main",
             Some(&options),
@@ -138,6 +138,16 @@ fn opengl_text(compiler: &shaderc::Compiler, row: &Row) -> Result<String, Failur
     let text = artifact.as_text();
     let lines = text.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty());
     Ok(lines.fold(String::from("#version 430 core\n"), |text, line| text + line + "\n"))
+}
+
+/// The stage that the file's name tells.
+fn stage(row: &Row) -> Result<shaderc::ShaderKind, Failure> {
+    match row.entry.rsplit('.').nth(1) {
+        Some("comp") => Ok(shaderc::ShaderKind::Compute),
+        Some("vert") => Ok(shaderc::ShaderKind::Vertex),
+        Some("frag") => Ok(shaderc::ShaderKind::Fragment),
+        _ => Err(format!("kernel {}: {} names no stage (.comp, .vert, .frag)", row.name, row.entry).into()),
+    }
 }
 
 fn entry_text(row: &Row) -> Result<String, Failure> {

@@ -6,6 +6,8 @@
 #define STORAGE_IMAGE(n, image_format) layout(set = 0, binding = n, image_format) uniform
 #define DISPATCH_BLOCK layout(push_constant) uniform
 #define CONSTANT(n, type, name, value) layout(constant_id = n) const type name = value
+#define VERTEX_INDEX gl_VertexIndex
+#define FRAGMENT_FROM_TOP
 #else
 // OpenGL: uniform blocks, storage blocks and images are numbered apart; what is specialized in Vulkan is
 // put into the text by the host.
@@ -15,4 +17,7 @@
 #define STORAGE_IMAGE(n, image_format) layout(binding = n, image_format) uniform
 #define DISPATCH_BLOCK layout(binding = BINDING_RANGE, std140) uniform
 #define CONSTANT(n, type, name, value) const type name = type(SPECIALIZED(n))
+#define VERTEX_INDEX gl_VertexID
+// Vulkan counts rows from the top.
+#define FRAGMENT_FROM_TOP layout(origin_upper_left) in vec4 gl_FragCoord;
 #endif

@@ -223,6 +223,7 @@ constants! {
     SPEC_ORIGINAL = 2;
     SPEC_ROBUST_SLABS = 3;
     SPEC_LEAF_SIZE = 4;
+    SPEC_STACK_ROOM = 5;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;
@@ -247,6 +248,9 @@ constants! {
     LEAF_LIMIT = 8;
     /// Its logarithm.
     LEAF_BITS = 3;
+
+    /// Triangles that fit the uniform buffer of the original's first form.
+    UNIFORM_TRIANGLES = 1024;
 
     /// No triangle.
     NO_HIT = 0xffff_ffff;

@@ -3,7 +3,9 @@
 #include "layout"
 
 UNIFORM_BLOCK(BINDING_FRAME) FrameBlock { Frame frame; };
+#ifndef ACCESSOR_UNIFORM
 DISPATCH_BLOCK RangeBlock { Range range; };
+#endif
 
 CONSTANT(SPEC_SAMPLER, uint, SAMPLER, SAMPLER_PCG);
 // The original's choices that no other option names: normals as wound, the last of equal hits,
@@ -11,7 +13,10 @@ CONSTANT(SPEC_SAMPLER, uint, SAMPLER, SAMPLER_PCG);
 CONSTANT(SPEC_ORIGINAL, bool, ORIGINAL, false);
 CONSTANT(SPEC_ROBUST_SLABS, bool, ROBUST_SLABS, true);
 
-#ifdef ACCESSOR_TEXEL
+#ifdef ACCESSOR_UNIFORM
+UNIFORM_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[3u * UNIFORM_TRIANGLES]; };
+#define TRIANGLE_WORD(i) triangle_words[i]
+#elif defined(ACCESSOR_TEXEL)
 TEXELS(BINDING_NODES) utextureBuffer node_texels;
 TEXELS(BINDING_TRIANGLES) utextureBuffer triangle_texels;
 #define NODE_WORD(i) texelFetch(node_texels, int(i))
@@ -23,5 +28,7 @@ STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_
 #define TRIANGLE_WORD(i) triangle_words[i]
 #endif
 
+#ifdef NODE_WORD
 Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
+#endif
 Triangle load_triangle(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }

@@ -5,8 +5,11 @@
 #include "leaf.glsl"
 
 CONSTANT(SPEC_STACK_SIZE, int, STACK_SIZE, 64);
+// Length of the array, at least STACK_SIZE: a driver may keep a short array whose bounds it knows in
+// registers and select among them, which is slower than memory.
+CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
 
-int stack[STACK_SIZE];
+int stack[STACK_ROOM];
 int stack_top;
 
 // A push that does not fit is dropped, and the ray is counted.

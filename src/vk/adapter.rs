@@ -62,6 +62,8 @@ pub struct Adapter {
     /// Why it can't be used, if it can't.
     pub unusable: Option<String>,
     pub(super) queue_family: u32,
+    /// Whether that family's queues draw.
+    pub(super) draws: bool,
     pub(super) extensions: Vec<String>,
 }
 
@@ -143,6 +145,8 @@ impl Adapter {
                 .collect(),
             unusable: unusable(has_12, family, &base.limits),
             queue_family: family.unwrap_or(0),
+            draws: family
+                .is_some_and(|family| families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)),
             extensions,
         }
     }
@@ -196,9 +200,10 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
     }
 }
 
-/// The first queue family that computes.
+/// The first queue family that computes, one that draws as well before others.
 fn compute_family(families: &[vk::QueueFamilyProperties]) -> Option<u32> {
-    let place = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE))?;
+    let first = |flags| families.iter().position(|family| family.queue_flags.contains(flags));
+    let place = first(vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS).or(first(vk::QueueFlags::COMPUTE))?;
     u32::try_from(place).ok()
 }
 

@@ -9,6 +9,7 @@ use super::device::{Device, Shared};
 use super::failed;
 use super::image::{Image, whole_image};
 use super::kernel::BoundKernel;
+use super::raster::Raster;
 use crate::error::Result;
 
 /// How a stage touches a resource.
@@ -137,6 +138,39 @@ impl<'a> Batch<'a> {
             raw.cmd_dispatch(self.commands, groups, 1, 1);
             if timed {
                 raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first + 1);
+            }
+        }
+        self.labels.push(label.to_string());
+    }
+
+    /// Clears a raster's target and shades every pixel of it, between two timestamps.
+    pub fn draw(&mut self, raster: &'a Raster, kernel: &'a BoundKernel<'_>, label: &str) {
+        let raw = &self.device.raw;
+        let first = 2 * self.labels.len() as u32;
+        let timed = first < 2 * self.capacity;
+        let (width, height) = raster.size;
+        let clear = [vk::ClearValue::default()];
+        let pass = vk::RenderPassBeginInfo::default()
+            .render_pass(raster.pass)
+            .framebuffer(raster.framebuffer)
+            .render_area(vk::Rect2D::default().extent(vk::Extent2D { width, height }))
+            .clear_values(&clear);
+        let done = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        // SAFETY: the command buffer is recording; pass, kernel and set belong to the device and outlive the
+        // batch.
+        unsafe {
+            if timed {
+                raw.cmd_write_timestamp(self.commands, done, self.timestamps, first);
+            }
+            raw.cmd_begin_render_pass(self.commands, &pass, vk::SubpassContents::INLINE);
+            let point = vk::PipelineBindPoint::GRAPHICS;
+            raw.cmd_bind_pipeline(self.commands, point, kernel.pipeline.raw);
+            let layout = kernel.pipeline.layout;
+            raw.cmd_bind_descriptor_sets(self.commands, point, layout, 0, &[kernel.set], &[]);
+            raw.cmd_draw(self.commands, 3, 1, 0, 0);
+            raw.cmd_end_render_pass(self.commands);
+            if timed {
+                raw.cmd_write_timestamp(self.commands, done, self.timestamps, first + 1);
             }
         }
         self.labels.push(label.to_string());

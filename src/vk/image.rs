@@ -26,7 +26,7 @@ impl ImageFormat {
         }
     }
 
-    fn raw(self) -> vk::Format {
+    pub(super) fn raw(self) -> vk::Format {
         match self {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
@@ -47,10 +47,23 @@ pub struct Image {
 impl Image {
     /// Makes an image of width x height pixels with undefined content.
     pub fn new(device: &Device, name: &str, format: ImageFormat, size: (u32, u32)) -> Result<Self> {
+        Self::with_usage(device, name, format, size, vk::ImageUsageFlags::STORAGE)
+    }
+
+    /// Makes an rgba8 image that is drawn into.
+    pub fn color_target(device: &Device, name: &str, size: (u32, u32)) -> Result<Self> {
+        Self::with_usage(device, name, ImageFormat::Rgba8, size, vk::ImageUsageFlags::COLOR_ATTACHMENT)
+    }
+
+    fn with_usage(
+        device: &Device,
+        name: &str,
+        format: ImageFormat,
+        size: (u32, u32),
+        usage: vk::ImageUsageFlags,
+    ) -> Result<Self> {
         let shared = device.shared.clone();
-        let usage = vk::ImageUsageFlags::STORAGE
-            | vk::ImageUsageFlags::TRANSFER_SRC
-            | vk::ImageUsageFlags::TRANSFER_DST;
+        let usage = usage | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format.raw())

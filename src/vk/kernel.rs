@@ -29,6 +29,45 @@ pub enum Binding<'a> {
     Image(&'a Image),
 }
 
+/// SPIR-V handed to the driver, for as long as a pipeline is being made of it.
+struct Module<'a> {
+    raw: vk::ShaderModule,
+    device: &'a Shared,
+}
+
+impl<'a> Module<'a> {
+    fn new(device: &'a Shared, kernel: &Kernel) -> std::result::Result<Self, vk::Result> {
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(kernel.spirv))
+            .map_err(|_| vk::Result::ERROR_INITIALIZATION_FAILED)?;
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the SPIR-V comes from the compiler at build time.
+        let raw = unsafe { device.raw.create_shader_module(&info, None)? };
+        Ok(Self { raw, device })
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: pipelines need their modules no longer once they are made.
+        unsafe { self.device.raw.destroy_shader_module(self.raw, None) };
+    }
+}
+
+/// Map entries and bytes of specialization constants.
+fn specialization(constants: &[(u32, u32)]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
+    let entry = |(place, (id, _)): (usize, &(u32, u32))| {
+        vk::SpecializationMapEntry::default().constant_id(*id).offset(place as u32 * 4).size(4)
+    };
+    (
+        constants.iter().enumerate().map(entry).collect(),
+        constants.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect(),
+    )
+}
+
+fn preparing(kernel: &Kernel) -> String {
+    format!("Preparing the kernel {}", kernel.name)
+}
+
 /// A kernel made ready for a device with its specialization constants.
 pub struct Pipeline {
     pub(super) raw: vk::Pipeline,
@@ -47,6 +86,35 @@ impl Pipeline {
         constants: &[(u32, u32)],
         push_bytes: u32,
     ) -> Result<Self> {
+        let mut pipeline = Self::without_code(device, kernel, vk::ShaderStageFlags::COMPUTE, push_bytes)?;
+        pipeline.compile(constants).map_err(|result| failed(&preparing(kernel), result))?;
+        pipeline.name();
+        Ok(pipeline)
+    }
+
+    /// Compiles a vertex and a fragment kernel that fill a picture; descriptors are the latter's.
+    pub(super) fn for_drawing(
+        device: &Device,
+        [vertex, fragment]: [&'static Kernel; 2],
+        constants: &[(u32, u32)],
+        pass: vk::RenderPass,
+        size: (u32, u32),
+    ) -> Result<Self> {
+        let mut pipeline = Self::without_code(device, fragment, vk::ShaderStageFlags::FRAGMENT, 0)?;
+        pipeline
+            .compile_drawing(vertex, constants, pass, size)
+            .map_err(|result| failed(&preparing(fragment), result))?;
+        pipeline.name();
+        Ok(pipeline)
+    }
+
+    /// The layouts of a kernel's descriptors and push constants.
+    fn without_code(
+        device: &Device,
+        kernel: &'static Kernel,
+        stage: vk::ShaderStageFlags,
+        push_bytes: u32,
+    ) -> Result<Self> {
         let shared = device.shared.clone();
         let bindings: Vec<_> = kernel
             .bindings
@@ -56,7 +124,7 @@ impl Pipeline {
                     .binding(*binding)
                     .descriptor_type(descriptor_type(*kind))
                     .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                    .stage_flags(stage)
             })
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
@@ -67,58 +135,91 @@ impl Pipeline {
             kernel,
             device: shared.clone(),
         };
-        let what = || format!("Preparing the kernel {}", kernel.name);
+        let fail = |result| failed(&preparing(kernel), result);
+        let ranges = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
         // SAFETY: the device is alive and the descriptions are complete; `pipeline` destroys what was
         // made if a later step fails.
         unsafe {
-            pipeline.set_layout = shared
-                .raw
-                .create_descriptor_set_layout(&info, None)
-                .map_err(|result| failed(&what(), result))?;
+            pipeline.set_layout = shared.raw.create_descriptor_set_layout(&info, None).map_err(fail)?;
             let sets = [pipeline.set_layout];
-            let ranges = [vk::PushConstantRange::default()
-                .stage_flags(vk::ShaderStageFlags::COMPUTE)
-                .size(push_bytes)];
-            let info =
-                vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges);
-            pipeline.layout =
-                shared.raw.create_pipeline_layout(&info, None).map_err(|result| failed(&what(), result))?;
-        }
-        pipeline.compile(constants).map_err(|result| failed(&what(), result))?;
-        if let Ok(label) = CString::new(kernel.name) {
-            shared.name_object(pipeline.raw, &label);
+            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+            if push_bytes > 0 {
+                info = info.push_constant_ranges(&ranges);
+            }
+            pipeline.layout = shared.raw.create_pipeline_layout(&info, None).map_err(fail)?;
         }
         Ok(pipeline)
     }
 
-    fn compile(&mut self, constants: &[(u32, u32)]) -> std::result::Result<(), vk::Result> {
-        let words = ash::util::read_spv(&mut std::io::Cursor::new(self.kernel.spirv))
-            .map_err(|_| vk::Result::ERROR_INITIALIZATION_FAILED)?;
-        let entries: Vec<_> = constants
-            .iter()
-            .enumerate()
-            .map(|(place, (id, _))| {
-                vk::SpecializationMapEntry::default().constant_id(*id).offset(place as u32 * 4).size(4)
-            })
-            .collect();
-        let values: Vec<u8> = constants.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect();
-        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
-        let raw = &self.device.raw;
-        // SAFETY: the SPIR-V comes from the compiler at build time; the module is destroyed after the
-        // pipeline was made, and everything pointed to lives until the call returns.
-        unsafe {
-            let module =
-                raw.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
-            let stage = vk::PipelineShaderStageCreateInfo::default()
-                .stage(vk::ShaderStageFlags::COMPUTE)
-                .module(module)
-                .name(c"main")
-                .specialization_info(&specialization);
-            let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
-            let made = raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
-            raw.destroy_shader_module(module, None);
-            self.raw = made.map_err(|(_, result)| result)?[0];
+    fn name(&self) {
+        if let Ok(label) = CString::new(self.kernel.name) {
+            self.device.name_object(self.raw, &label);
         }
+    }
+
+    fn compile(&mut self, constants: &[(u32, u32)]) -> std::result::Result<(), vk::Result> {
+        let (entries, values) = specialization(constants);
+        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
+        let module = Module::new(&self.device, self.kernel)?;
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module.raw)
+            .name(c"main")
+            .specialization_info(&specialization);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        // SAFETY: everything pointed to lives until the call returns.
+        let made = unsafe {
+            self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None)
+        };
+        self.raw = made.map_err(|(_, result)| result)?[0];
+        Ok(())
+    }
+
+    fn compile_drawing(
+        &mut self,
+        vertex: &Kernel,
+        constants: &[(u32, u32)],
+        pass: vk::RenderPass,
+        (width, height): (u32, u32),
+    ) -> std::result::Result<(), vk::Result> {
+        let (entries, values) = specialization(constants);
+        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
+        let (vertex, fragment) = (Module::new(&self.device, vertex)?, Module::new(&self.device, self.kernel)?);
+        let stage = |flags, module: &Module<'_>| {
+            vk::PipelineShaderStageCreateInfo::default().stage(flags).module(module.raw).name(c"main")
+        };
+        let stages = [
+            stage(vk::ShaderStageFlags::VERTEX, &vertex),
+            stage(vk::ShaderStageFlags::FRAGMENT, &fragment).specialization_info(&specialization),
+        ];
+        let input = vk::PipelineVertexInputStateCreateInfo::default();
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
+            .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let viewports =
+            [vk::Viewport::default().width(width as f32).height(height as f32).max_depth(1.0)];
+        let scissors = [vk::Rect2D::default().extent(vk::Extent2D { width, height })];
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewports(&viewports).scissors(&scissors);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
+        let samples = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        let blends =
+            [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA)];
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+        let info = vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&samples)
+            .color_blend_state(&blend)
+            .layout(self.layout)
+            .render_pass(pass);
+        // SAFETY: everything pointed to lives until the call returns.
+        let made = unsafe {
+            self.device.raw.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
+        };
+        self.raw = made.map_err(|(_, result)| result)?[0];
         Ok(())
     }
 

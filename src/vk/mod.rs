@@ -9,6 +9,7 @@ mod image;
 mod instance;
 mod kernel;
 mod memory;
+mod raster;
 mod upload;
 
 pub use adapter::{Adapter, DeviceKind, Limits};
@@ -18,6 +19,7 @@ pub use device::Device;
 pub use image::{Image, ImageFormat};
 pub use instance::{Instance, VALIDATION_LAYER};
 pub use kernel::{Binding, BoundKernel, Pipeline};
+pub use raster::Raster;
 
 use crate::error::Error;
 
