@@ -114,13 +114,7 @@ fn compile(
     options.set_forced_version_profile(460, shaderc::GlslProfile::None);
     options.set_optimization_level(optimization);
     compiler
-        .compile_into_spirv(
-            &entry_text(row)?,
-            stage(row)?,
-            &row.entry,
-            "main",
-            Some(&options),
-        )
+        .compile_into_spirv(&entry_text(row)?, stage(row)?, &row.entry, "main", Some(&options))
         .map_err(|error| format!("kernel {}:\n{error}", row.name).into())
 }
 

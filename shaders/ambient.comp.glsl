@@ -63,8 +63,9 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     ray_overflowed = false;
     bool more = sample_next < sample_end;
     if (more) {
+        sample_next++;
         lcg_before = lcg_state;
-        vec2 u = sample_numbers(pixel, sample_next, lcg_state);
+        vec2 u = sample_numbers(pixel, id, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }
@@ -82,7 +83,6 @@ void retire_any(uint id, bool occluded, bool finished) {
         return;
     }
     occluded_before = false;
-    sample_next = id + 1u;
     traced[id & 1u]++;
     if (!occluded) {
         escaped[id & 1u]++;

@@ -132,7 +132,7 @@ records! {
         triangle_count: uint,
         /// Raster position of a pixel: its column and row plus this.
         pixel_shift: float,
-        /// By how much boxes were grown on every side (0 with plain slabs), scene units.
+        /// By how much robust slabs grow a box on every side, scene units.
         box_pad: float,
         /// The first sample of the render: counts hold those from here on.
         sample_base: uint,

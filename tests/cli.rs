@@ -156,6 +156,8 @@ fn bad_command_lines_exit_with_2() {
         (vec!["render", CORNELL, "--eye", "0,5,0", "--target", "0,0,0"], "--up"),
         (vec!["render", CORNELL, "--eye", "0,0,5", "--fov", "180"], "--fov"),
         (vec!["render", CORNELL, "--eye", "0,0,5", "--orbit", "1,2"], "cannot be used with"),
+        (vec!["render", CORNELL, "--eye", "1e30,0,0"], "closer"),
+        (vec!["render", CORNELL, "--eye", "0,1,5", "--fov", "1e-9"], "--fov"),
         (vec!["render", CORNELL, "-o", "picture.jpg"], ".png"),
         (vec!["render", CORNELL, "-o", "/"], ".png"),
         (vec!["render", MAISON, "--method", "stack8", "--size", "8x8"], "--allow-overflow"),
@@ -203,6 +205,13 @@ fn places_that_cannot_be_written_leave_nothing_behind() {
     let nowhere = path(folder.path(), "no/such/folder/a.png");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &nowhere], 1, "folder does not exist");
     fails(&["render", CORNELL, "--size", "8x8", "--json", "/dev/full"], 1, "disk is full");
+    let scene = path(folder.path(), "scene.png");
+    fs::copy(CORNELL, &scene).unwrap();
+    fails(&["render", &scene, "--size", "8x8", "-o", &scene], 2, "written over");
+    assert!(fs::read(&scene).unwrap() == fs::read(CORNELL).unwrap());
+    fs::remove_file(&scene).unwrap();
+    let same = path(folder.path(), "same.png");
+    fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--json", &same], 2, "written over");
     let kept = path(folder.path(), "kept.png");
     fs::write(&kept, "old").unwrap();
     fails(&["render", MAISON, "--method", "stack8", "--size", "8x8", "-o", &kept], 2, "overflow");
@@ -213,7 +222,9 @@ fn places_that_cannot_be_written_leave_nothing_behind() {
 #[test]
 fn devices_that_are_not_there_exit_with_4() {
     fails(&["render", CORNELL, "--device", "no such device"], 4, "--device");
-    fails(&["render", CORNELL, "--device", "77"], 4, "--device");
+    for number in ["77", "5", ""] {
+        fails(&["render", CORNELL, "--device", number], 4, "--device");
+    }
     let output = Command::new(env!("CARGO_BIN_EXE_cousu"))
         .args(["render", CORNELL])
         .env("VK_DRIVER_FILES", "/nonexistent.json")
@@ -221,6 +232,40 @@ fn devices_that_are_not_there_exit_with_4() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(4), "{}", text(&output.stderr));
+}
+
+/// 20,000 triangles are more than a frame may test by brute force where loops are limited: counts can be cut,
+/// running means are refused.
+#[test]
+fn brute_force_beyond_a_frame_is_cut_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = path(folder.path(), "terrain.obj");
+    succeeds(&["scene", "terrain", "--triangles", "20000", "-o", &scene]);
+    let brute = ["render", &scene, "--method", "brute", "--size", "8x8", "--spp", "4"];
+    succeeds(&brute);
+    let limited = succeeds(&["doctor"]).contains("leaves loops silently");
+    if limited {
+        fails(&[&brute[..], &["--accumulator", "rgba8"]].concat(), 2, "--accumulator count");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_path_that_is_no_unicode_is_a_path() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join(std::ffi::OsStr::from_bytes(b"b\xffad.obj"));
+    fs::copy(CORNELL, &scene).unwrap();
+    let picture = folder.path().join("x.png");
+    let status = Command::new(env!("CARGO_BIN_EXE_cousu"))
+        .arg("render")
+        .arg(&scene)
+        .args(["--size", "8x8", "--spp", "4", "-o"])
+        .arg(&picture)
+        .output()
+        .unwrap()
+        .status;
+    assert!(status.success() && picture.exists());
 }
 
 #[test]

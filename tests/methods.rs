@@ -4,7 +4,7 @@ mod common;
 
 use common::{every_traversal, geometry, job, plan, plan_decided, run, scene_named, with_device};
 use cousu::render::auto;
-use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Slabs, Wishes};
+use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Wishes};
 use cousu::render::picture::{Accumulated, Picture};
 use cousu::vk::Device;
 
@@ -58,8 +58,8 @@ fn methods_agree_with_every_other_choice() {
                 all_agree(device, "cornell", None, wishes);
             }
         }
-        let plain = Wishes { slabs: Some(Slabs::Plain), offset: Some(Offset::Fixed), ..Wishes::default() };
-        all_agree(device, "maison", Some(1000), plain);
+        let fixed = Wishes { offset: Some(Offset::Fixed), ..Wishes::default() };
+        all_agree(device, "maison", Some(1000), fixed);
     });
 }
 

@@ -205,8 +205,9 @@ fn triangles_without_area() {
         "v 0 0 0\nv 1 1 1\nv 3 3 3\nv 1 1 1.00000001\nv 1 0 0\nv -0.0 0 0\nv 1e-200 0 0\n\
          f 1 2 5\nf 1 2 3\nf 1 2 1\nf 1 2 4\nf 1 6 5\nf 1 7 2\nf 5 5 5 5\n",
     );
-    assert_eq!(loaded.mesh.triangles.len(), 1);
-    assert_eq!(loaded.report.dropped.zero_area, tally(7, &[9, 10, 11, 12, 13, 14]));
+    // What f64 tells apart stays: only where the scene will lie decides what f32 can.
+    assert_eq!(loaded.mesh.triangles.len(), 3);
+    assert_eq!(loaded.report.dropped.zero_area, tally(5, &[9, 10, 12, 14]));
 }
 
 #[test]

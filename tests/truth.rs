@@ -52,6 +52,33 @@ fn a_lone_plane_gives_1_however_it_is_seen() {
     });
 }
 
+/// A plane of any size, anywhere: read in f64 and brought to the origin before it becomes f32.
+#[test]
+fn a_lone_plane_gives_1_at_any_scale_and_place() {
+    with_device(|device| {
+        for scale in [1e-3, 1.0, 1e6] {
+            for shift in [0.0, 1e3, -1e6] {
+                let (low, high, y) = (scale * (shift - 1.0), scale * (shift + 1.0), scale * shift);
+                let scene = scene_of(&format!(
+                    "v {low} {y} {low}\nv {high} {y} {low}\nv {high} {y} {high}\nv {low} {y} {high}\nf 4 3 2 1\n"
+                ));
+                assert_eq!(scene.mesh.triangles.len(), 2, "scale {scale}, shift {shift}");
+                let geometry = geometry(&scene, Preset::Auto);
+                let center = scene.bounds.center();
+                let eye = (center + DVec3::new(0.1, 2.0, 0.3) * scale).to_array();
+                let camera = pinhole(eye, center.to_array(), [0.0, 0.0, 1.0], 40.0);
+                let job = Job { camera, ..job(&scene, (32, 20), 0..16) };
+                let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
+                assert!(outcome.ambient_rays > 16 * 300, "scale {scale}, shift {shift}");
+                let whole = counts(outcome.accumulated)
+                    .iter()
+                    .all(|c| c.escaped0 + c.escaped1 == c.traced0 + c.traced1);
+                assert!(whole, "scale {scale}, shift {shift}");
+            }
+        }
+    });
+}
+
 #[test]
 fn a_closed_box_gives_0_inside() {
     with_device(|device| {

@@ -4,7 +4,7 @@
 #define SMALLEST_DETERMINANT 7.52316384526264e-37
 
 // Moeller and Trumbore (1997), compared before the division. The ray must also cross the triangle's own
-// box as the slab test sees it, and the hit's distance is brought into that box: then every tree of boxes
+// box as the robust slab test sees it, and the hit's distance is brought into that box: then every tree of boxes
 // finds the same hits at the same distances, exactly. (Brought in, not compared: a flat box is thinner
 // than the error of t.) Distance: in units of the direction.
 bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out vec3 tuv) {
@@ -26,7 +26,8 @@ bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out
     precise vec3 c = triangle.a + triangle.ac;
     precise vec3 pmin = min(triangle.a, min(b, c)) - frame.box_pad;
     precise vec3 pmax = max(triangle.a, max(b, c)) + frame.box_pad;
-    vec2 interval = slab_interval(slabs, pmin, pmax);
+    if (!ROBUST_SLABS) slabs = robust_slabs_of(ray);
+    vec2 interval = slab_interval(slabs, pmin, pmax, true);
     precise float scale = reciprocal(det);
     precise vec3 scaled = vec3(t, u, v) * scale;
     tuv = vec3(min(max(scaled.x, interval.x), interval.y), scaled.y, scaled.z);

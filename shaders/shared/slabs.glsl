@@ -21,31 +21,33 @@ float inverse_component(float d) {
     return d < 0.0 ? -inverse : inverse;
 }
 
-Slabs slabs_of(Ray ray) {
+Slabs robust_slabs_of(Ray ray) {
     vec3 d = ray.direction;
-    if (ROBUST_SLABS) {
-        return Slabs(ray.origin, vec3(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z)));
-    }
-    return Slabs(ray.origin, 1.0 / d);
+    return Slabs(ray.origin, vec3(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z)));
+}
+
+Slabs slabs_of(Ray ray) {
+    if (ROBUST_SLABS) return robust_slabs_of(ray);
+    return Slabs(ray.origin, 1.0 / ray.direction);
 }
 
 // Where the ray enters the box and leaves it. Every operation is monotonic in the bounds, so a box
 // inside another is never entered earlier nor left later: a ray that passes a triangle's own box
 // passes all boxes around it, and no tree can lose a hit.
-vec2 slab_interval(Slabs slabs, vec3 pmin, vec3 pmax) {
+vec2 slab_interval(Slabs slabs, vec3 pmin, vec3 pmax, bool robust) {
     precise vec3 t0 = (pmin - slabs.origin) * slabs.inverse;
     precise vec3 t1 = (pmax - slabs.origin) * slabs.inverse;
     vec3 near = min(t0, t1);
     vec3 far = max(t0, t1);
     float enter = max(max(near.x, near.y), near.z);
     precise float leave = min(min(far.x, far.y), far.z);
-    if (ROBUST_SLABS) {
+    if (robust) {
         leave = leave * EXIT_SLACK;
     }
     return vec2(enter, leave);
 }
 
 bool meets_box(Slabs slabs, vec3 pmin, vec3 pmax, float t_max) {
-    vec2 interval = slab_interval(slabs, pmin, pmax);
+    vec2 interval = slab_interval(slabs, pmin, pmax, ROBUST_SLABS);
     return max(interval.x, 0.0) <= min(interval.y, t_max);
 }

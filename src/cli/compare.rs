@@ -78,11 +78,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let software = device.adapter().kind == DeviceKind::Cpu;
     let context = Context::open(if software { Preference::Software } else { Preference::Hardware })?;
     if context.is_software() != software {
-        eprintln!(
+        super::tell(&format!(
             "!!! OpenGL runs on {}, Vulkan on {}: not the same device.",
             context.renderer,
             device.adapter().name
-        );
+        ));
     }
     let geometry = Geometry::build(&scene, false)?;
     let (width, height) = arguments.size.unwrap_or(if arguments.quick { (160, 100) } else { (1024, 640) });
@@ -98,7 +98,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         manifest: Manifest::new(&scene, device.adapter(), arguments.seed),
     };
     for &method in &arguments.methods {
-        eprintln!("{method} ...");
+        super::tell(&format!("{method} ..."));
         match compare(arguments, &scene, &geometry, &device, &context, method, record.size) {
             Ok((row, images)) => {
                 write_images(&arguments.output, &row.method, &images, record.size, &record.manifest)?;
@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 write_tables(&arguments.output, &record)?;
             }
             // A row that fails does not lose the others.
-            Err(error) => eprintln!("{method} is left out: {error}"),
+            Err(error) => super::tell(&format!("{method} is left out: {error}")),
         }
     }
     if record.rows.is_empty() {

@@ -43,8 +43,18 @@ enum Command {
     Scene(scene::Arguments),
 }
 
-/// Runs the command of the process's arguments.
-pub fn run() -> Result<()> {
+/// Runs the command of the process's arguments; prints what went wrong and returns the exit code.
+pub fn run() -> u8 {
+    match dispatch() {
+        Ok(()) => 0,
+        Err(error) => {
+            tell(&format!("cousu: {error}"));
+            error.exit_code()
+        }
+    }
+}
+
+fn dispatch() -> Result<()> {
     match Cli::parse().command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
@@ -54,6 +64,11 @@ pub fn run() -> Result<()> {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
     }
+}
+
+/// Tells something on the standard error, as far as that can be written.
+fn tell(text: &str) {
+    let _ = writeln!(io::stderr(), "{text}");
 }
 
 /// Prints a result. A reader that has gone away (`cousu devices | head -1`) is no error.

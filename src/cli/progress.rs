@@ -41,7 +41,10 @@ impl Meter {
                 self.last_line = Instant::now();
                 let elapsed = self.started.elapsed().as_secs_f64();
                 let left = elapsed * (1.0 - progress.done) / progress.done.max(1e-6);
-                eprintln!("{:.0}% done, {rate:.1} Mrays/s, {left:.0} s left", progress.done * 100.0);
+                super::tell(&format!(
+                    "{:.0}% done, {rate:.1} Mrays/s, {left:.0} s left",
+                    progress.done * 100.0
+                ));
             }
             None => {}
         }

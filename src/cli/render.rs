@@ -89,6 +89,19 @@ impl Outputs {
             Some(path) if !json_to_stdout => Some(Output::claim(path)?),
             _ => None,
         };
+        let places = [
+            picture.as_ref().map(|(_, output)| output.path().to_path_buf()),
+            json.as_ref().map(|output| output.path().to_path_buf()),
+            std::fs::canonicalize(&arguments.scene).ok(),
+        ];
+        for (place, path) in places.iter().enumerate().filter(|(_, path)| path.is_some()) {
+            if places[..place].contains(path) {
+                return Err(Error::usage(format!(
+                    "{} would be written over: give scene, picture and record different names.",
+                    path.as_deref().unwrap_or(Path::new("")).display()
+                )));
+            }
+        }
         Ok(Self { picture, json, json_to_stdout })
     }
 
@@ -119,17 +132,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let outputs = Outputs::claim(arguments)?;
     let scene = Scene::load(&arguments.scene)?;
     if !scene.report.dropped.is_empty() {
-        eprintln!("{}: {} (see `cousu inspect`)", scene.path, scene.report.dropped);
+        super::tell(&format!("{}: {} (see `cousu inspect`)", scene.path, scene.report.dropped));
     }
     let camera = arguments.camera.camera(&scene, arguments.choices.preset)?;
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
     if geometry.without_area > 0 {
-        eprintln!(
+        super::tell(&format!(
             "{}: {} triangles left out, whose area 32-bit floats do not see",
             scene.path, geometry.without_area
-        );
+        ));
     }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;

@@ -29,10 +29,10 @@ pub fn adapter(arguments: &DeviceArguments) -> Result<(Instance, Adapter)> {
 pub fn open(arguments: &DeviceArguments) -> Result<Device> {
     let (instance, adapter) = adapter(arguments)?;
     if adapter.kind == DeviceKind::Cpu {
-        eprintln!(
+        super::tell(&format!(
             "!!! {} is a CPU: no GPU was found or chosen, and everything takes some hundred times longer.",
             adapter.name
-        );
+        ));
     }
     Device::open(&instance, &adapter)
 }

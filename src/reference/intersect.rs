@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::Inputs;
 use super::arith::{cross3, dot3, max3, min3, reciprocal};
 use super::ray::{Hit, Ray};
-use super::slabs::{Slabs, slab_interval};
+use super::slabs::{Slabs, slab_interval, slabs_of};
 use crate::layout::Triangle;
 
 /// Smallest determinant taken for a triangle that the ray can meet, 2^-120: below it 1/det overflows.
@@ -20,7 +20,7 @@ pub fn padded_box(triangle: &Triangle, box_pad: f32) -> (Vec3, Vec3) {
 }
 
 /// Möller and Trumbore (1997), compared before the division; (t, u, v) of a hit. The ray must also cross
-/// the triangle's own box as the slab test sees it, and the hit's distance is brought into that box: then
+/// the triangle's own box as the robust slab test sees it, and the hit's distance is brought into that box: then
 /// every tree of boxes finds the same hits at the same distances, exactly.
 pub fn intersect_guarded(
     ray: &Ray,
@@ -45,7 +45,8 @@ pub fn intersect_guarded(
         return None;
     }
     let (pmin, pmax) = padded_box(triangle, box_pad);
-    let [enter, leave] = slab_interval(slabs, pmin, pmax);
+    let own = if slabs.robust { *slabs } else { slabs_of(ray, true) };
+    let [enter, leave] = slab_interval(&own, pmin, pmax);
     let scale = reciprocal(det);
     let t = (t * scale).max(enter).min(leave);
     (enter.max(0.0) <= leave && t <= t_max).then_some([t, u * scale, v * scale])
@@ -115,7 +116,6 @@ pub fn box_limit(inputs: &Inputs, t_closest: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::reference::exact::{Rules, Verdict, verdict};
-    use crate::reference::slabs::slabs_of;
     use crate::reference::testing::{KINDS, Random, aimed_ray, triangle, triangles_of};
 
     fn guarded(ray: &Ray, triangle: &Triangle, pad: f32) -> Option<[f32; 3]> {

@@ -1,6 +1,7 @@
 //! The surface point that a camera ray met, and the ambient rays that start there. Twin of
 //! shaders/shared/surface.glsl.
 
+use crate::layout::Triangle;
 use glam::{Vec2, Vec3};
 
 use super::Inputs;
@@ -19,15 +20,20 @@ pub struct Surface {
     pub bitangent: Vec3,
 }
 
+/// The unit normal of a triangle as it is wound; not finite where its area is lost to rounding.
+pub fn normal_of(triangle: &Triangle) -> Vec3 {
+    let (ab, ac) = (Vec3::from(triangle.ab), Vec3::from(triangle.ac));
+    let scale = reciprocal(max_abs(ab).max(max_abs(ac)));
+    normalized(cross3(ab * scale, ac * scale))
+}
+
 /// Barycentric coordinates place the point on the triangle. The normal faces the camera ray (the
 /// original's does not turn).
 pub fn surface_at(inputs: &Inputs, ray: &Ray, hit: &Hit) -> Surface {
     let triangle = inputs.load_triangle(hit.index);
     let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
     let point = a + hit.u * ab + hit.v * ac;
-    let largest = max_abs(ab).max(max_abs(ac));
-    let scale = reciprocal(largest);
-    let mut normal = normalized(cross3(ab * scale, ac * scale));
+    let mut normal = normal_of(triangle);
     if !inputs.choices.original && dot3(normal, ray.direction) > 0.0 {
         normal = -normal;
     }

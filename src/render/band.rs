@@ -54,6 +54,8 @@ struct Flight<'a> {
 
 /// Submits that may be under way at once: the host prepares one while the device works on the other.
 const IN_FLIGHT: usize = 2;
+/// Samples of a dispatch that takes up pixels again.
+const REPEAT_BLOCK: u32 = 1 << 16;
 
 impl<'a> Band<'a> {
     pub fn new(inputs: &'a Inputs<'a>, begin: u32, end: u32) -> Result<Self> {
@@ -85,9 +87,13 @@ impl<'a> Band<'a> {
     /// All samples of all pixels; returns their counts, if that is what is accumulated.
     pub fn render(&self, tally: &mut Tally<'_>) -> Result<Vec<Count>> {
         let mut missing = self.pass(tally, true)?;
+        let in_parts = self.scheduler(true).in_parts();
         while missing > 0 {
             if !counts_rays(self.inputs.plan) {
                 return Err(self.unfinished(missing, "a running mean cannot be taken up again"));
+            }
+            if self.inputs.plan.brute() && in_parts {
+                return Err(self.unfinished(missing, "a part of the triangles was not tested"));
             }
             let before = tally.totals.ambient_finished;
             tally.repeats += 1;
@@ -96,10 +102,24 @@ impl<'a> Band<'a> {
                 return Err(self.unfinished(missing, "one ray alone is too long for it"));
             }
         }
-        if counts_rays(self.inputs.plan) {
-            Ok(bytemuck::pod_collect_to_vec(&self.counts.read(self.inputs.device)?))
-        } else {
-            Ok(Vec::new())
+        if !counts_rays(self.inputs.plan) {
+            return Ok(Vec::new());
+        }
+        let counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.inputs.device)?);
+        self.check_counts(&counts)?;
+        Ok(counts)
+    }
+
+    /// Every pixel has traced all its samples or, where its camera ray hit nothing, none.
+    fn check_counts(&self, counts: &[Count]) -> Result<()> {
+        let samples = self.inputs.plan.job.samples.len() as u64;
+        let traced = |count: &Count| u64::from(count.traced0) + u64::from(count.traced1);
+        match counts.iter().map(traced).find(|&traced| traced != 0 && traced != samples) {
+            None => Ok(()),
+            Some(traced) => Err(Error::device(format!(
+                "A pixel traced {traced} rays where {samples} were asked for: report this with the output of `cousu \
+                 doctor`, and choose another device."
+            ))),
         }
     }
 
@@ -140,7 +160,8 @@ impl<'a> Band<'a> {
             if first {
                 check_camera_rays(plan, &ranges, &totals)?;
             }
-            scheduler.measured(&ranges, device_ms(&finished).unwrap_or(wall_ms));
+            let rays = totals.primary_finished + totals.ambient_finished;
+            scheduler.measured(&ranges, rays, device_ms(&finished).unwrap_or(wall_ms));
             missing += totals.missing();
             tally.add(&ranges, &totals, &finished, wall_ms);
         }
@@ -161,7 +182,7 @@ impl<'a> Band<'a> {
         let scheduler = Scheduler::new(work, self.inputs.pace);
         match plan.job.block {
             // Few pixels are left, each with its own rest.
-            _ if !first => scheduler.with_block(u32::MAX),
+            _ if !first => scheduler.with_block(REPEAT_BLOCK),
             Some(block) => scheduler.with_block(block),
             None => scheduler,
         }

@@ -118,7 +118,7 @@ fn pace(device: &Device) -> Pace {
     let adapter = device.adapter();
     let cpu = adapter.kind == DeviceKind::Cpu;
     Pace {
-        rays_per_ms: if cpu { 1e3 } else { 4e5 },
+        rays_per_ms: if cpu { 1e3 } else { 1e5 },
         dispatch_ms: if cpu { 100.0 } else { 50.0 },
         submit_ms: if cpu { 250.0 } else { 100.0 },
         samples: if cpu { 1024 } else { 16 },

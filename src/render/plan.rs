@@ -5,8 +5,9 @@ use crate::error::{Error, Result};
 use crate::layout::{self, Frame};
 use crate::pack;
 use crate::render::auto::{Accessor, Decision};
-use crate::render::choices::{Method, Offset, Preset, Sampler, Settings, Slabs};
+use crate::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Settings, Slabs};
 use crate::render::geometry::Geometry;
+use crate::render::schedule::brute_frame_limit;
 use crate::render::tiles::Tiles;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, RayModel};
@@ -42,6 +43,10 @@ pub struct Plan<'a> {
 /// Arrays shorter than this are put into registers by NVIDIA's compiler: stack16 took 2.3 times as long as
 /// stack32 on an H100.
 const SHORTEST_STACK_ARRAY: u32 = 32;
+/// Farthest eye, device units (the scene is about 2 wide).
+const FARTHEST: f32 = 2e6;
+/// Smallest change of a ray's direction from pixel to pixel, as a part of it: some steps of a 32-bit float.
+const SMALLEST_STEP: f32 = 4.0 * f32::EPSILON;
 /// The original's fixed offset along the normal, units of the file.
 const FIXED_OFFSET: f64 = 0.01;
 /// The scaled offset as a part of the scene's diagonal.
@@ -63,8 +68,13 @@ impl<'a> Plan<'a> {
         let original = settings.preset == Preset::Original;
         let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { 1 };
         let tiles = Tiles { width: job.size.0, height: job.size.1 };
+        let frame = frame(&job, &settings, scene, geometry);
+        if !original {
+            check_frame(&frame)?;
+        }
+        check_brute(&settings, &frame, limits)?;
         let plan = Self {
-            frame: frame(&job, &settings, scene, geometry),
+            frame,
             kernel: kernel_name(&settings, decision.accessor),
             constants: vec![
                 (layout::SPEC_STACK_SIZE, stack_entries),
@@ -101,16 +111,20 @@ impl<'a> Plan<'a> {
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
         let tree = &self.geometry.tree;
+        let pad = self.node_pad();
         match self.settings.method {
             Method::Brute => vec![0; 16],
-            Method::Stack(_) => bytemuck::cast_slice(&pack::nodes(tree, self.frame.box_pad)).to_vec(),
+            Method::Stack(_) => bytemuck::cast_slice(&pack::nodes(tree, pad)).to_vec(),
             Method::Threaded if self.settings.preset == Preset::Original => {
-                bytemuck::cast_slice(&pack::threaded_nodes48(tree, self.frame.box_pad)).to_vec()
+                bytemuck::cast_slice(&pack::threaded_nodes48(tree, pad)).to_vec()
             }
-            Method::Threaded => {
-                bytemuck::cast_slice(&pack::threaded_nodes(tree, self.frame.box_pad)).to_vec()
-            }
+            Method::Threaded => bytemuck::cast_slice(&pack::threaded_nodes(tree, pad)).to_vec(),
         }
+    }
+
+    /// By how much the boxes of nodes are grown on every side, device units.
+    pub fn node_pad(&self) -> f32 {
+        if self.settings.slabs == Slabs::Robust { self.geometry.box_pad } else { 0.0 }
     }
 
     fn node_record_bytes(&self) -> usize {
@@ -142,6 +156,41 @@ impl<'a> Plan<'a> {
         }
         Ok(())
     }
+}
+
+/// The camera must be one that 32-bit floats can hold.
+fn check_frame(frame: &Frame) -> Result<()> {
+    let length = |v: [f32; 3]| glam::Vec3::from(v).length();
+    let rays = [frame.origin, frame.direction, frame.origin_dx, frame.origin_dy];
+    let far = rays.iter().any(|&v| length(v) > FARTHEST);
+    if far || !rays.iter().all(|v| glam::Vec3::from(*v).is_finite()) {
+        return Err(Error::usage(
+            "The eye is more than a million times the scene's size away, where 32-bit floats see nothing of it: move it \
+             closer.",
+        ));
+    }
+    let step = length(frame.direction_dx).min(length(frame.direction_dy));
+    if step < length(frame.direction) * SMALLEST_STEP {
+        return Err(Error::usage(
+            "The pixels are too close together for 32-bit floats to tell their rays apart: choose a larger --fov or a \
+             smaller --size.",
+        ));
+    }
+    Ok(())
+}
+
+/// A running mean takes its frames whole, so a frame's rays must fit one dispatch.
+fn check_brute(settings: &Settings, frame: &Frame, limits: &Limits) -> Result<()> {
+    let most = brute_frame_limit(limits.loop_iterations);
+    let means = settings.accumulator != Accumulator::Count;
+    if settings.method == Method::Brute && means && frame.triangle_count > most {
+        return Err(Error::usage(format!(
+            "brute with {} tests {} triangles for each ray of a frame, and this device takes {most} in one dispatch: \
+             choose --accumulator count or another --method.",
+            settings.accumulator, frame.triangle_count
+        )));
+    }
+    Ok(())
 }
 
 fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
@@ -208,7 +257,7 @@ fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> 
         node_count: geometry.tree.nodes.len() as u32,
         triangle_count: geometry.triangles.len() as u32,
         pixel_shift: rays.pixel_shift as f32,
-        box_pad: if settings.slabs == Slabs::Robust { geometry.box_pad } else { 0.0 },
+        box_pad: geometry.box_pad,
         sample_base: job.samples.start,
         ..Frame::default()
     }

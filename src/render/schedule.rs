@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::ops;
 
-use crate::layout::{Range, STAGE_ANY, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE};
+use crate::layout::{FRAME_SAMPLES, Range, STAGE_ANY, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE};
 
 /// What a device likes, before anything was measured on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +51,17 @@ const MOST_PART: u32 = 1 << 20;
 /// Ranges of one submit.
 const MOST_RANGES: usize = 256;
 
+/// Iterations that are asked of an invocation: some are left for what is not a step of a ray.
+fn budget_of(loop_iterations: Option<u32>) -> Option<u32> {
+    loop_iterations.map(|limit| limit - limit / 8)
+}
+
+/// Most triangles of which `brute` can test all for a frame's camera ray and its samples in one dispatch.
+pub fn brute_frame_limit(loop_iterations: Option<u32>) -> u32 {
+    let budget = budget_of(loop_iterations).map_or(MOST_PART, |budget| budget / (FRAME_SAMPLES + 1));
+    budget.min(MOST_PART).saturating_sub(2)
+}
+
 /// Hands out the ranges of a [`Work`].
 pub struct Scheduler {
     work: Work,
@@ -65,7 +76,7 @@ pub struct Scheduler {
 
 impl Scheduler {
     pub fn new(work: Work, pace: Pace) -> Self {
-        let budget = pace.loop_iterations.map(|limit| limit - limit / 8);
+        let budget = budget_of(pace.loop_iterations);
         // A tree's ray visits some multiple of log n nodes; a kernel that still runs out of iterations
         // says so, and its pixels are taken up again.
         let steps_of_ray =
@@ -73,7 +84,7 @@ impl Scheduler {
         let block = budget
             .map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1))
             .clamp(1, pace.samples);
-        let part = if work.brute {
+        let part = if work.brute && work.blocks == Blocks::Free {
             let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);
             two_rays.min(MOST_PART)
         } else {
@@ -98,6 +109,11 @@ impl Scheduler {
         }
     }
 
+    /// Whether each ray is traced over several dispatches.
+    pub fn in_parts(&self) -> bool {
+        self.part < self.work.triangles
+    }
+
     /// Overrides the number of samples of a dispatch.
     pub fn with_block(mut self, block: u32) -> Self {
         self.block = block.max(1);
@@ -120,12 +136,14 @@ impl Scheduler {
         ranges
     }
 
-    /// Learns from a submit that took `ms`.
-    pub fn measured(&mut self, ranges: &[Range], ms: f64) {
-        let rays: f64 = ranges.iter().map(|range| self.rays(range)).sum();
+    /// Learns from a submit that finished so many rays in `ms`. Pixels that hit nothing trace few rays, so
+    /// what was finished counts, while [`Self::next_submit`] expects every pixel to hit.
+    pub fn measured(&mut self, ranges: &[Range], finished: u64, ms: f64) {
+        let nominal: f64 = ranges.iter().map(|range| self.rays(range)).sum();
+        let rays = if self.in_parts() { nominal } else { nominal.min(finished as f64) };
         if ms > 0.0 && rays > 0.0 {
-            // A first small dispatch tells little: go up by leaps, not out of sight.
-            self.rays_per_ms = (rays / ms).clamp(self.rays_per_ms / 16.0, self.rays_per_ms * 16.0);
+            // Some pixels' rays are much slower than others': go up by steps.
+            self.rays_per_ms = (rays / ms).min(self.rays_per_ms * 4.0);
         }
     }
 
@@ -151,7 +169,7 @@ impl Scheduler {
         let samples = self.next_sample..self.next_sample.saturating_add(self.block).min(self.work.sample_end);
         let per_pixel = match self.part {
             part if part < self.work.triangles => f64::from(part) / f64::from(self.work.triangles),
-            _ => f64::from(samples.end - samples.start + 1),
+            _ => f64::from(samples.end - samples.start) + 1.0,
         };
         let wanted = self.rays_per_ms * self.pace.dispatch_ms / per_pixel / f64::from(WORKGROUP_SIZE);
         let groups = (wanted as u32).clamp(1, self.pace.workgroups);
@@ -236,7 +254,7 @@ mod tests {
             if submit.is_empty() {
                 return ranges;
             }
-            scheduler.measured(&submit, 37.0);
+            scheduler.measured(&submit, 100_000, 37.0);
             ranges.extend(submit);
         }
     }

@@ -8,15 +8,16 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 
-/// A place for a result, claimed before the work begins so that a folder which cannot be written is
-/// known at once. Nothing is left behind if it is dropped.
+/// A place for a result, tried before the work begins so that a folder which cannot be written is known at
+/// once. Nothing is there until [`Output::write`].
 pub struct Output {
     path: PathBuf,
     target: Target,
 }
 
 enum Target {
-    Beside(NamedTempFile),
+    /// Written beside and renamed, with the permissions of the file that it replaces.
+    Beside(Option<Permissions>),
     /// A device or a pipe: nothing to rename.
     Direct(File),
 }
@@ -38,6 +39,7 @@ impl<T: Write + Seek> WriteSeek for T {}
 impl Output {
     pub fn claim(path: &Path) -> Result<Self> {
         let fail = |error: io::Error| Error::other(cannot_write(path, &error));
+        let mut permissions = None;
         match fs::metadata(path) {
             Ok(found) if found.is_dir() => {
                 return Err(Error::usage(format!("{} is a folder: name a file in it.", path.display())));
@@ -46,22 +48,24 @@ impl Output {
                 let file = File::options().write(true).open(path).map_err(fail)?;
                 return Ok(Self { path: path.to_path_buf(), target: Target::Direct(file) });
             }
-            _ => {}
+            Ok(found) => permissions = Some(found.permissions()),
+            Err(_) if path.is_symlink() => {
+                return Err(Error::usage(format!(
+                    "{} is a link to nowhere: remove it or name another file.",
+                    path.display()
+                )));
+            }
+            Err(_) => {}
         }
         // Through a link to the file itself, so that the link stays one.
         let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-        let folder = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".cousu-");
-        #[cfg(unix)]
-        let permissions: Permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
-        #[cfg(unix)]
-        builder.permissions(permissions);
-        let file = builder.tempfile_in(folder).map_err(fail)?;
-        Ok(Self { path, target: Target::Beside(file) })
+        drop(file_beside(&path, None).map_err(fail)?);
+        Ok(Self { path, target: Target::Beside(permissions) })
+    }
+
+    /// Where the result will be.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Writes the content and puts the file in its place.
@@ -74,7 +78,8 @@ impl Output {
                 let mut whole = io::Cursor::new(Vec::new());
                 content(&mut whole).and_then(|()| file.write_all(whole.get_ref())).map_err(fail)
             }
-            Target::Beside(mut file) => {
+            Target::Beside(permissions) => {
+                let mut file = file_beside(&path, permissions).map_err(fail)?;
                 let mut writer = BufWriter::new(file.as_file_mut());
                 content(&mut writer).and_then(|()| writer.flush()).map_err(fail)?;
                 drop(writer);
@@ -86,12 +91,35 @@ impl Output {
     }
 }
 
+/// A temporary file in the folder of `path`; it removes itself unless it is renamed.
+fn file_beside(path: &Path, permissions: Option<Permissions>) -> io::Result<NamedTempFile> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".cousu-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let file = builder.tempfile_in(folder)?;
+    if let Some(permissions) = permissions {
+        file.as_file().set_permissions(permissions)?;
+    }
+    Ok(file)
+}
+
 fn cannot_write(path: &Path, error: &io::Error) -> String {
     let advice = match error.kind() {
         io::ErrorKind::NotFound => "its folder does not exist: create it",
         io::ErrorKind::PermissionDenied => "permission was denied: choose another folder",
         io::ErrorKind::StorageFull => "the disk is full: make room or choose another folder",
-        _ => return format!("{} could not be written ({error}): choose another place.", path.display()),
+        _ => {
+            // Without the temporary file's name.
+            let error = error
+                .raw_os_error()
+                .map_or_else(|| error.to_string(), |code| io::Error::from_raw_os_error(code).to_string());
+            return format!("{} could not be written ({error}): choose another place.", path.display());
+        }
     };
     format!("{} could not be written, because {advice}.", path.display())
 }

@@ -22,7 +22,8 @@ pub struct Manifest {
 
 impl Manifest {
     pub fn new(scene: &Scene, adapter: &Adapter, seed: u32) -> Self {
-        let command: Vec<String> = std::env::args().map(|argument| quoted(&argument)).collect();
+        let command: Vec<String> =
+            std::env::args_os().map(|argument| quoted(&argument.to_string_lossy())).collect();
         Self {
             version: env!("CARGO_PKG_VERSION"),
             command: command.join(" "),

@@ -55,27 +55,9 @@ pub fn place(mesh: &Mesh, placement: &Placement) -> Vec<Triangle> {
         .collect()
 }
 
-/// Whether a placed triangle has an area that f32 can tell from none: without one it has no normal, and
-/// a ray that met it by rounding would go on with NaNs.
-pub fn has_area(triangle: &Triangle) -> bool {
-    let (ab, ac) = (Vec3::from(triangle.ab), Vec3::from(triangle.ac));
-    let largest = ab.abs().max(ac.abs()).max_element();
-    let normal = (ab / largest).cross(ac / largest);
-    normal.is_finite() && normal != Vec3::ZERO
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tiny_and_thin_triangles_have_an_area_and_lines_have_none() {
-        let with = |ab, ac| Triangle { ab, ac, ..Triangle::default() };
-        assert!(has_area(&with([1e-30, 0.0, 0.0], [0.0, 1e-30, 0.0])));
-        assert!(has_area(&with([1.0, 0.0, 0.0], [1.0, 1e-30, 0.0])));
-        assert!(!has_area(&with([1.0, 2.0, 3.0], [2.0, 4.0, 6.0])));
-        assert!(!has_area(&with([0.0; 3], [0.0, 1.0, 0.0])));
-    }
 
     #[test]
     fn conditioning_centres_and_scales_by_a_power_of_two() {

@@ -145,8 +145,9 @@ impl Adapter {
                 .collect(),
             unusable: unusable(has_12, family, &base.limits),
             queue_family: family.unwrap_or(0),
-            draws: family
-                .is_some_and(|family| families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)),
+            draws: family.is_some_and(|family| {
+                families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)
+            }),
             extensions,
         }
     }
@@ -168,17 +169,15 @@ impl Adapter {
         let chosen = match wanted {
             None => adapters.iter().find(|adapter| adapter.unusable.is_none()).unwrap_or(&adapters[0]),
             Some(text) => {
-                let number = text.parse::<usize>().ok();
-                let lower = text.to_lowercase();
-                number
-                    .and_then(|number| adapters.get(number))
-                    .or_else(|| adapters.iter().find(|adapter| adapter.name.to_lowercase().contains(&lower)))
-                    .ok_or_else(|| {
-                        Error::device(format!(
-                            "No device is called {text:?}: choose --device from {}.",
-                            listed()
-                        ))
-                    })?
+                let lower = text.trim().to_lowercase();
+                let found = match lower.parse::<usize>() {
+                    Ok(number) => adapters.get(number),
+                    Err(_) if lower.is_empty() => None,
+                    Err(_) => adapters.iter().find(|adapter| adapter.name.to_lowercase().contains(&lower)),
+                };
+                found.ok_or_else(|| {
+                    Error::device(format!("There is no device {text:?}: choose --device from {}.", listed()))
+                })?
             }
         };
         match &chosen.unusable {
@@ -203,7 +202,8 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
 /// The first queue family that computes, one that draws as well before others.
 fn compute_family(families: &[vk::QueueFamilyProperties]) -> Option<u32> {
     let first = |flags| families.iter().position(|family| family.queue_flags.contains(flags));
-    let place = first(vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS).or(first(vk::QueueFlags::COMPUTE))?;
+    let place =
+        first(vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS).or(first(vk::QueueFlags::COMPUTE))?;
     u32::try_from(place).ok()
 }
 

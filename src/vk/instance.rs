@@ -1,6 +1,7 @@
 //! The loader and the instance, with the validation layer where it is asked for.
 
 use std::ffi::{CStr, c_char, c_void};
+use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::{ext, vk};
@@ -175,7 +176,8 @@ unsafe extern "system" fn on_message(
         let messages = &*(messages as *const Messages);
         if let Some(text) = data.as_ref().and_then(|data| data.message_as_c_str()) {
             let text = text.to_string_lossy().into_owned();
-            eprintln!("validation: {text}");
+            // A panic must not leave this function, so no eprintln.
+            let _ = writeln!(std::io::stderr(), "validation: {text}");
             messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
         }
     }

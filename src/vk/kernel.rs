@@ -168,9 +168,8 @@ impl Pipeline {
             .specialization_info(&specialization);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         // SAFETY: everything pointed to lives until the call returns.
-        let made = unsafe {
-            self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None)
-        };
+        let made =
+            unsafe { self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
         self.raw = made.map_err(|(_, result)| result)?[0];
         Ok(())
     }
@@ -184,7 +183,8 @@ impl Pipeline {
     ) -> std::result::Result<(), vk::Result> {
         let (entries, values) = specialization(constants);
         let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
-        let (vertex, fragment) = (Module::new(&self.device, vertex)?, Module::new(&self.device, self.kernel)?);
+        let (vertex, fragment) =
+            (Module::new(&self.device, vertex)?, Module::new(&self.device, self.kernel)?);
         let stage = |flags, module: &Module<'_>| {
             vk::PipelineShaderStageCreateInfo::default().stage(flags).module(module.raw).name(c"main")
         };
@@ -195,15 +195,16 @@ impl Pipeline {
         let input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
             .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
-        let viewports =
-            [vk::Viewport::default().width(width as f32).height(height as f32).max_depth(1.0)];
+        let viewports = [vk::Viewport::default().width(width as f32).height(height as f32).max_depth(1.0)];
         let scissors = [vk::Rect2D::default().extent(vk::Extent2D { width, height })];
-        let viewport = vk::PipelineViewportStateCreateInfo::default().viewports(&viewports).scissors(&scissors);
+        let viewport =
+            vk::PipelineViewportStateCreateInfo::default().viewports(&viewports).scissors(&scissors);
         let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
         let blends =
-            [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA)];
+            [vk::PipelineColorBlendAttachmentState::default()
+                .color_write_mask(vk::ColorComponentFlags::RGBA)];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
         let info = vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
@@ -216,9 +217,8 @@ impl Pipeline {
             .layout(self.layout)
             .render_pass(pass);
         // SAFETY: everything pointed to lives until the call returns.
-        let made = unsafe {
-            self.device.raw.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
-        };
+        let made =
+            unsafe { self.device.raw.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None) };
         self.raw = made.map_err(|(_, result)| result)?[0];
         Ok(())
     }

@@ -304,11 +304,13 @@ enum Indices {
 }
 
 /// Whether a triangle has no area: the cross product of two of its edges is
-/// exactly zero in 64-bit arithmetic, or two corners coincide once rounded to
-/// the 32-bit floats that the renderer works with.
+/// exactly zero in 64-bit arithmetic. (What 32-bit floats can tell apart is known
+/// once the scene has been placed: `render::geometry`.)
 fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let [p, q, r] = [a, b, c].map(|corner| corner.as_vec3());
-    p == q || q == r || r == p || (b - a).cross(c - a) == DVec3::ZERO
+    let (ab, ac) = (b - a, c - a);
+    // Scaled, so that the product of tiny edges does not vanish.
+    let largest = ab.abs().max(ac.abs()).max_element();
+    largest == 0.0 || (ab / largest).cross(ac / largest) == DVec3::ZERO
 }
 
 /// Whether `keyword` is a word of the OBJ format that has no bearing on the
