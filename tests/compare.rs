@@ -24,7 +24,7 @@ fn compare(scene: &str, more: &[&str]) -> (serde_json::Value, tempfile::TempDir)
 #[test]
 fn sixteen_frames_are_the_same_on_both() {
     for (scene, methods) in
-        [("cornell", "brute,stack64,stack16,threaded"), ("maison", "stack64,stack16,threaded")]
+        [("cornell", "fragment,brute,stack64,stack16,threaded"), ("maison", "stack64,stack16,threaded")]
     {
         let (record, _folder) = compare(scene, &["--methods", methods, "--size", "320x200"]);
         let rows = record["rows"].as_array().unwrap();
@@ -44,6 +44,19 @@ fn sixteen_frames_are_the_same_on_both() {
             assert!(row["gl_timer"] == "wall" || row["gl_timer"] == "device");
         }
     }
+}
+
+/// A scene that does not fit the uniform buffer of the first form is refused with the limit.
+#[test]
+fn the_first_form_refuses_what_does_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_cousu"))
+        .args(["compare", &format!("{ASSETS}/maison.obj"), "--quick", "--methods", "fragment", "-o"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("holds 1024 triangles"), "{said}");
 }
 
 #[test]

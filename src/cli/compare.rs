@@ -14,6 +14,7 @@ use crate::gl::{Context, Preference, TimerKind};
 use crate::lab::compare::{Effort, Images, Row, measure};
 use crate::render::auto;
 use crate::render::choices::{Method, Preset, Wishes};
+use crate::render::frames::fragment;
 use crate::render::frames::opengl::OpenGlFrames;
 use crate::render::frames::vulkan::Stage;
 use crate::render::geometry::Geometry;
@@ -39,9 +40,9 @@ pub struct Arguments {
         long,
         value_delimiter = ',',
         value_name = "METHODS",
-        default_value = "brute,stack64,stack16,threaded"
+        default_value = "fragment,brute,stack64,stack16,threaded"
     )]
-    methods: Vec<Method>,
+    methods: Vec<Form>,
     /// Width and height of the picture in pixels [default: 1024x640]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
@@ -55,6 +56,35 @@ pub struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     device: DeviceArguments,
+}
+
+/// A row of the comparison.
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    /// The original's first: primary hits by a fragment shader.
+    Fragment,
+    /// Its compute shader with this method.
+    Compute(Method),
+}
+
+impl std::str::FromStr for Form {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            fragment::NAME => Ok(Self::Fragment),
+            _ => text.parse().map(Self::Compute).map_err(|error| format!("{error}, or {}", fragment::NAME)),
+        }
+    }
+}
+
+impl std::fmt::Display for Form {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fragment => f.write_str(fragment::NAME),
+            Self::Compute(method) => method.fmt(f),
+        }
+    }
 }
 
 /// What `compare.json` holds.
@@ -122,21 +152,33 @@ fn compare(
     geometry: &Geometry,
     device: &Device,
     context: &Context,
-    method: Method,
+    form: Form,
     size: [u32; 2],
 ) -> Result<(Row, Images)> {
     let camera = arguments.camera.camera(scene, Preset::Original)?;
     let frames = arguments.frames.unwrap_or(if arguments.quick { 16 } else { 32 });
     let job =
         Job { camera, size: (size[0], size[1]), samples: 0..4 * frames, seed: arguments.seed, block: None };
+    let method = match form {
+        Form::Fragment => Method::Brute,
+        Form::Compute(method) => method,
+    };
     let wishes = Wishes { preset: Some(Preset::Original), method: Some(method), ..Wishes::default() };
     let decision = auto::decide(&wishes, geometry, device.adapter());
     let plan = Plan::new(job, scene, geometry, &decision, &device.adapter().limits)?;
-    let stage = Stage::new(device, &plan)?;
-    let mut vk = stage.bind()?;
-    let mut gl = OpenGlFrames::new(context, &plan)?;
     let effort = Effort { frames, warm_up: 4, patience_s: if arguments.quick { 8.0 } else { 120.0 } };
-    let (row, images) = measure(&method.to_string(), &mut gl, &mut vk, &effort)?;
+    if let Form::Fragment = form {
+        let inputs = fragment::Inputs::new(scene, geometry, &plan)?;
+        // Its own device: once lavapipe has drawn, its timestamps of compute work are wrong.
+        let device = Device::open(device.instance(), device.adapter())?;
+        let stage = fragment::VulkanStage::new(&device, &inputs, &plan)?;
+        let mut gl = fragment::OpenGlFragment::new(context, &inputs, &plan)?;
+        let (row, images) = measure(&form.to_string(), &mut gl, &mut stage.bind()?, &effort)?;
+        return Ok((Row { gl_timer: gl.timer(), ..row }, images));
+    }
+    let stage = Stage::new(device, &plan)?;
+    let mut gl = OpenGlFrames::new(context, &plan)?;
+    let (row, images) = measure(&form.to_string(), &mut gl, &mut stage.bind()?, &effort)?;
     Ok((Row { gl_timer: gl.timer(), ..row }, images))
 }
 
@@ -210,8 +252,9 @@ fn write_images(
     manifest: &Manifest,
 ) -> Result<()> {
     let [width, height] = size;
-    let grey = |pixels: &[[f32; 4]], x: u32, y: u32| {
-        Rgb([Encoding::Srgb.byte(pixels[(y * width + x) as usize][0]); 3])
+    let shown = |pixels: &[[f32; 4]], x: u32, y: u32| {
+        let pixel = pixels[(y * width + x) as usize];
+        Rgb([0, 1, 2].map(|channel| Encoding::Srgb.byte(pixel[channel])))
     };
     let heat = |x: u32, y: u32| {
         let place = (y * width + x) as usize;
@@ -220,12 +263,12 @@ fn write_images(
         Rgb([channel(0.0, 1.0 / 255.0), channel(1.0 / 255.0, 0.03), channel(0.03, 0.1)])
     };
     let pictures = [
-        ("gl", RgbImage::from_fn(width, height, |x, y| grey(&images.gl, x, y))),
-        ("vk", RgbImage::from_fn(width, height, |x, y| grey(&images.vk, x, y))),
+        ("gl", RgbImage::from_fn(width, height, |x, y| shown(&images.gl, x, y))),
+        ("vk", RgbImage::from_fn(width, height, |x, y| shown(&images.vk, x, y))),
         (
             "both",
             RgbImage::from_fn(2 * width, height, |x, y| {
-                if x < width { grey(&images.gl, x, y) } else { grey(&images.vk, x - width, y) }
+                if x < width { shown(&images.gl, x, y) } else { shown(&images.vk, x - width, y) }
             }),
         ),
         ("difference", RgbImage::from_fn(width, height, heat)),

@@ -26,16 +26,28 @@ pub struct Elapsed {
     pub wall_ms: f64,
 }
 
-impl Elapsed {
-    /// The clock to trust: a device time far below the host's is the query's silence about compute.
-    pub fn timer(&self) -> TimerKind {
-        if self.device_ms > 0.01 * self.wall_ms { TimerKind::Device } else { TimerKind::Wall }
+/// Which clock times dispatches.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    kind: TimerKind,
+}
+
+impl Clock {
+    /// Mesa's software renderer reports nothing for compute, and a tenth of the time for drawing; on others
+    /// GL_TIME_ELAPSED is trusted.
+    pub fn new(context: &Context) -> Self {
+        Self { kind: if context.is_software() { TimerKind::Wall } else { TimerKind::Device } }
     }
 
-    pub fn by(&self, timer: TimerKind) -> f64 {
-        match timer {
-            TimerKind::Device => self.device_ms,
-            TimerKind::Wall => self.wall_ms,
+    pub fn kind(&self) -> TimerKind {
+        self.kind
+    }
+
+    /// The milliseconds of a dispatch.
+    pub fn read(&self, elapsed: Elapsed) -> f64 {
+        match self.kind {
+            TimerKind::Device => elapsed.device_ms,
+            TimerKind::Wall => elapsed.wall_ms,
         }
     }
 }
@@ -210,36 +222,10 @@ impl Program {
     /// Compiles a kernel with its constants: (id, value), every id that it has.
     pub fn new(context: &Context, kernel: &Kernel, constants: &[(u32, u32)]) -> Result<Self> {
         let shared = context.shared.clone();
-        let mut text = kernel.glsl.to_string();
-        for (id, value) in constants {
-            text = text.replace(&format!("SPECIALIZED({id})"), &value.to_string());
-        }
+        let raw = build_program(&shared.gl, &[(glow::COMPUTE_SHADER, kernel)], constants)?;
         // SAFETY: the context is current on this thread.
-        unsafe {
-            let gl = &shared.gl;
-            let shader = gl.create_shader(glow::COMPUTE_SHADER).map_err(refused)?;
-            gl.shader_source(shader, &text);
-            gl.compile_shader(shader);
-            let compiled = gl.get_shader_compile_status(shader);
-            let log = gl.get_shader_info_log(shader);
-            let raw = gl.create_program().map_err(refused)?;
-            let program = Self { raw, timer: gl.create_query().map_err(refused)?, shared: shared.clone() };
-            gl.attach_shader(raw, shader);
-            if compiled {
-                gl.link_program(raw);
-            }
-            let linked = compiled && gl.get_program_link_status(raw);
-            let log = if compiled { gl.get_program_info_log(raw) } else { log };
-            gl.delete_shader(shader);
-            if !linked {
-                let first = log.lines().next().unwrap_or("no reason given");
-                return Err(Error::device(format!(
-                    "The OpenGL driver refused the kernel {} ({first}): update the driver.",
-                    kernel.name
-                )));
-            }
-            Ok(program)
-        }
+        let timer = unsafe { shared.gl.create_query() }.map_err(refused)?;
+        Ok(Self { raw, timer, shared })
     }
 
     /// Runs the program on `groups` workgroups, makes its writes visible to the next one and waits.
@@ -272,6 +258,49 @@ impl Drop for Program {
     }
 }
 
-fn refused(reason: String) -> Error {
+/// Compiles and links kernels with their constants.
+pub(super) fn build_program(
+    gl: &glow::Context,
+    stages: &[(u32, &Kernel)],
+    constants: &[(u32, u32)],
+) -> Result<glow::Program> {
+    // SAFETY: the context is current on this thread.
+    unsafe {
+        let program = gl.create_program().map_err(refused)?;
+        for (stage, kernel) in stages {
+            let mut text = kernel.glsl.to_string();
+            for (id, value) in constants {
+                text = text.replace(&format!("SPECIALIZED({id})"), &value.to_string());
+            }
+            let shader = gl.create_shader(*stage).map_err(refused)?;
+            gl.shader_source(shader, &text);
+            gl.compile_shader(shader);
+            gl.attach_shader(program, shader);
+            let log = (!gl.get_shader_compile_status(shader)).then(|| gl.get_shader_info_log(shader));
+            gl.delete_shader(shader);
+            if let Some(log) = log {
+                gl.delete_program(program);
+                return Err(refused_kernel(kernel, &log));
+            }
+        }
+        gl.link_program(program);
+        if !gl.get_program_link_status(program) {
+            let log = gl.get_program_info_log(program);
+            gl.delete_program(program);
+            return Err(refused_kernel(stages[0].1, &log));
+        }
+        Ok(program)
+    }
+}
+
+fn refused_kernel(kernel: &Kernel, log: &str) -> Error {
+    let first = log.lines().next().unwrap_or("no reason given");
+    Error::device(format!(
+        "The OpenGL driver refused the kernel {} ({first}): update the driver.",
+        kernel.name
+    ))
+}
+
+pub(super) fn refused(reason: String) -> Error {
     Error::device(format!("The OpenGL driver made no object ({reason}): update the driver."))
 }

@@ -3,6 +3,8 @@
 
 mod compute;
 mod context;
+mod raster;
 
-pub use compute::{Buffer, BufferTarget, Elapsed, Image, Program, TimerKind};
+pub use compute::{Buffer, BufferTarget, Clock, Elapsed, Image, Program, TimerKind};
 pub use context::{Context, Preference};
+pub use raster::Raster;

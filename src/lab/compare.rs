@@ -14,7 +14,7 @@ use crate::render::frames::Frames;
 pub struct Difference {
     /// Pixels that differ by more than 1/255.
     pub pixels_different: usize,
-    /// Largest difference of light.
+    /// Largest difference of a channel.
     pub max_difference: f32,
 }
 
@@ -101,7 +101,7 @@ pub fn measure(
 }
 
 fn difference(images: &Images) -> Difference {
-    let apart = |(a, b): (&[f32; 4], &[f32; 4])| (a[0] - b[0]).abs().max((a[3] - b[3]).abs());
+    let apart = |(a, b): (&[f32; 4], &[f32; 4])| (0..4).map(|i| (a[i] - b[i]).abs()).fold(0.0, f32::max);
     let differences = || images.gl.iter().zip(&images.vk).map(apart);
     Difference {
         // Bytes that are next to each other are 1/255 apart, give or take the rounding of that.

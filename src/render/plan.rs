@@ -234,6 +234,18 @@ fn kernel_name(settings: &Settings, accessor: Accessor) -> String {
 fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> Frame {
     let original = settings.preset == Preset::Original;
     let model = if original { RayModel::NearToFar } else { RayModel::Eye };
+    frame_of(job, settings, scene, geometry, model)
+}
+
+/// The frame of a render whose camera rays follow `model`.
+pub fn frame_of(
+    job: &Job,
+    settings: &Settings,
+    scene: &Scene,
+    geometry: &Geometry,
+    model: RayModel,
+) -> Frame {
+    let original = settings.preset == Preset::Original;
     let placement = &geometry.placement;
     let rays = job.camera.rays(&scene.bounds, placement, job.size, model);
     let offset = match settings.offset {

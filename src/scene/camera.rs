@@ -25,6 +25,9 @@ pub enum RayModel {
     Eye,
     /// The original's: from the near to the far plane, through pixel corners.
     NearToFar,
+    /// The original's first form: from depth 0 to 1 of OpenGL's clip space, which begins at -1, through pixel
+    /// centres.
+    MiddleToFar,
 }
 
 /// Camera rays as linear functions of the raster position (x to the right, y down, in pixels), in device
@@ -92,6 +95,17 @@ impl Camera {
         let dy = view.up * (-2.0 * view.tangent / height);
         let corner = view.forward - dx * (width * 0.5) - dy * (height * 0.5);
         let scale = placement.scale;
+        let (near, far) = original_planes(bounds);
+        let from_to = |corner: DVec3, start: f64, end: f64, pixel_shift: f64| RayFan {
+            origin: [
+                placement.point(view.eye) + corner * start * scale,
+                dx * start * scale,
+                dy * start * scale,
+            ],
+            direction: [corner, dx, dy].map(|part| part * (end - start) * scale),
+            t_max: 1.0,
+            pixel_shift,
+        };
         match model {
             RayModel::Eye => RayFan {
                 origin: [placement.point(view.eye), DVec3::ZERO, DVec3::ZERO],
@@ -99,22 +113,10 @@ impl Camera {
                 t_max: f64::from(f32::MAX),
                 pixel_shift: 0.5,
             },
-            RayModel::NearToFar => {
-                let (near, far) = original_planes(bounds);
-                // The original counts rows from the bottom and takes a pixel's lower left corner, so
-                // row y of the picture lies at raster height y + 1.
-                let corner = corner + dy;
-                RayFan {
-                    origin: [
-                        placement.point(view.eye) + corner * near * scale,
-                        dx * near * scale,
-                        dy * near * scale,
-                    ],
-                    direction: [corner, dx, dy].map(|part| part * (far - near) * scale),
-                    t_max: 1.0,
-                    pixel_shift: 0.0,
-                }
-            }
+            // The original counts rows from the bottom and takes a pixel's lower left corner, so row y of
+            // the picture lies at raster height y + 1.
+            RayModel::NearToFar => from_to(corner + dy, near, far, 0.0),
+            RayModel::MiddleToFar => from_to(corner, 2.0 * near * far / (near + far), far, 0.5),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! A plan run frame by frame as the original did: one dispatch over all pixels, four rays each, then the
 //! next; on either API.
 
+pub mod fragment;
 pub mod opengl;
 pub mod vulkan;
 

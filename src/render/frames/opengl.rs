@@ -2,7 +2,7 @@
 
 use super::{Frames, check, groups_of, range_of};
 use crate::error::Result;
-use crate::gl::{Buffer, BufferTarget, Context, Elapsed, Image, Program, TimerKind};
+use crate::gl::{Buffer, BufferTarget, Clock, Context, Image, Program, TimerKind};
 use crate::kernels::find_kernel;
 use crate::layout::{self, Counters};
 use crate::render::choices::Accumulator;
@@ -17,8 +17,7 @@ const MOST_GROUPS: u32 = 65_535;
 pub struct OpenGlFrames<'a> {
     plan: &'a Plan<'a>,
     program: Program,
-    timer: TimerKind,
-    last: Option<Elapsed>,
+    clock: Clock,
     seeds: Buffer,
     range: Buffer,
     counters: Buffer,
@@ -44,8 +43,7 @@ impl<'a> OpenGlFrames<'a> {
         }
         let frames = Self {
             program: Program::new(context, find_kernel(&plan.kernel)?, &plan.constants)?,
-            timer: TimerKind::Wall,
-            last: None,
+            clock: Clock::new(context),
             seeds: storage(&[0; 16])?,
             range: uniform(bytemuck::bytes_of(&range_of(plan, 0)))?,
             counters: storage(&zero_counters())?,
@@ -61,10 +59,9 @@ impl<'a> OpenGlFrames<'a> {
         Ok(frames)
     }
 
-    /// What times the frames: the host's clock at first, then what the last frame before a restart showed to
-    /// be the better one.
+    /// What times the frames.
     pub fn timer(&self) -> TimerKind {
-        self.timer
+        self.clock.kind()
     }
 
     fn write_seeds(&self) {
@@ -83,12 +80,10 @@ impl Frames for OpenGlFrames<'_> {
         self.counters.write(&zero_counters());
         let elapsed = self.program.dispatch(groups_of(self.plan, MOST_GROUPS)?);
         check(self.plan, &Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(&self.counters.read()?)))?;
-        self.last = Some(elapsed);
-        Ok(elapsed.by(self.timer))
+        Ok(self.clock.read(elapsed))
     }
 
     fn restart(&mut self) -> Result<()> {
-        self.timer = self.last.map_or(self.timer, |elapsed| elapsed.timer());
         self.image.clear();
         self.write_seeds();
         Ok(())
