@@ -112,17 +112,22 @@ fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
     bands
 }
 
-/// What a device is expected to do before it was measured. GPUs: slow enough for an integrated one to
-/// stay far from the two seconds after which drivers give up.
+/// What a device is expected to do before it was measured: for GPUs that may be integrated, slow enough to stay
+/// far from the two seconds after which drivers give up.
 fn pace(device: &Device) -> Pace {
     let adapter = device.adapter();
-    let cpu = adapter.kind == DeviceKind::Cpu;
+    let (rays_per_ms, dispatch_ms, submit_ms, samples) = match adapter.kind {
+        DeviceKind::Discrete => (4e5, 100.0, 200.0, 16),
+        DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16),
+        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024),
+    };
+    let limits = &adapter.limits;
     Pace {
-        rays_per_ms: if cpu { 1e3 } else { 1e5 },
-        dispatch_ms: if cpu { 100.0 } else { 50.0 },
-        submit_ms: if cpu { 250.0 } else { 100.0 },
-        samples: if cpu { 1024 } else { 16 },
-        workgroups: adapter.limits.workgroups,
-        loop_iterations: adapter.limits.loop_iterations,
+        rays_per_ms,
+        dispatch_ms,
+        submit_ms,
+        samples,
+        workgroups: limits.workgroups,
+        loop_iterations: limits.loop_iterations,
     }
 }
