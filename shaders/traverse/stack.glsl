@@ -21,37 +21,21 @@ void push(int node) {
     }
 }
 
-// First and last triangle of the next leaf whose ancestors' boxes the ray meets before t_max; -1 when
-// there is none left, or where the loop was cut short (then the stack is not empty).
-int next_leaf(Slabs slabs, float t_max, out int last) {
-    while (stack_top > 0) {
-        int index = stack[--stack_top];
-        Node node = load_node(index);
-        if (node.left < 0) {
-            last = -1 - node.right;
-            return -1 - node.left;
-        }
-        if (meets_box(slabs, node.pmin, node.pmax, t_max)) {
-            push(node.left);
-            push(node.right);
-        }
-    }
-    last = 0;
-    return -1;
-}
-
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     stack_top = 0;
     push(int(frame.node_count) - 1);
     bool finished = true;
-    int last;
-    int first = next_leaf(slabs, box_limit(hit.t), last);
-    while (first >= 0) {
-        finished = closest_of_leaf(ray, slabs, first, last, hit) && finished;
-        first = next_leaf(slabs, box_limit(hit.t), last);
+    while (stack_top > 0) {
+        Node node = load_node(stack[--stack_top]);
+        if (node.left < 0) {
+            finished = closest_of_leaf(ray, slabs, -1 - node.left, -1 - node.right, hit) && finished;
+        } else if (meets_box(slabs, node.pmin, node.pmax, box_limit(hit.t))) {
+            push(node.left);
+            push(node.right);
+        }
     }
-    return finished && first < 0 && stack_top == 0;
+    return finished && stack_top == 0;
 }
 
 bool any_hit(Ray ray, inout bool occluded) {
@@ -59,13 +43,16 @@ bool any_hit(Ray ray, inout bool occluded) {
     stack_top = 0;
     push(int(frame.node_count) - 1);
     bool finished = true;
-    int last;
-    int first = next_leaf(slabs, box_limit(ray.t_max), last);
-    while (first >= 0 && !occluded) {
-        finished = any_of_leaf(ray, slabs, first, last, occluded) && finished;
-        if (!occluded) first = next_leaf(slabs, box_limit(ray.t_max), last);
+    while (stack_top > 0 && !occluded) {
+        Node node = load_node(stack[--stack_top]);
+        if (node.left < 0) {
+            finished = any_of_leaf(ray, slabs, -1 - node.left, -1 - node.right, occluded) && finished;
+        } else if (meets_box(slabs, node.pmin, node.pmax, box_limit(ray.t_max))) {
+            push(node.left);
+            push(node.right);
+        }
     }
-    return occluded || (finished && first < 0 && stack_top == 0);
+    return occluded || (finished && stack_top == 0);
 }
 
 #include "one_ray.glsl"

@@ -32,43 +32,36 @@ Stop load_stop(int index) {
 #endif
 }
 
-// The next leaf whose ancestors' boxes the ray meets before t_max, and where to go on after it; first is
-// -1 where none is left, or where the loop was cut short (then index is not).
-Stop next_leaf(Slabs slabs, float t_max, inout int index) {
-    Stop stop = Stop(vec3(0.0), vec3(0.0), index, -1, -1);
-    while (index >= 0 && stop.first < 0) {
-        stop = load_stop(index);
-        bool enters = stop.first < 0 && meets_box(slabs, stop.pmin, stop.pmax, t_max);
-        index = enters ? index - 1 : stop.skip;
-    }
-    return stop;
-}
-
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     int index = int(frame.node_count) - 1;
     bool finished = true;
-    bool more = true;
-    while (more) {
-        Stop stop = next_leaf(slabs, box_limit(hit.t), index);
-        more = stop.first >= 0;
-        if (more) finished = closest_of_leaf(ray, slabs, stop.first, stop.last, hit) && finished;
+    while (index >= 0) {
+        Stop stop = load_stop(index);
+        if (stop.first >= 0) {
+            finished = closest_of_leaf(ray, slabs, stop.first, stop.last, hit) && finished;
+            index = stop.skip;
+        } else {
+            index = meets_box(slabs, stop.pmin, stop.pmax, box_limit(hit.t)) ? index - 1 : stop.skip;
+        }
     }
-    return finished && !more && index < 0;
+    return finished && index < 0;
 }
 
 bool any_hit(Ray ray, inout bool occluded) {
     Slabs slabs = slabs_of(ray);
     int index = int(frame.node_count) - 1;
     bool finished = true;
-    bool more = !occluded;
-    while (more) {
-        Stop stop = next_leaf(slabs, box_limit(ray.t_max), index);
-        more = stop.first >= 0;
-        if (more) finished = any_of_leaf(ray, slabs, stop.first, stop.last, occluded) && finished;
-        more = more && !occluded;
+    while (index >= 0 && !occluded) {
+        Stop stop = load_stop(index);
+        if (stop.first >= 0) {
+            finished = any_of_leaf(ray, slabs, stop.first, stop.last, occluded) && finished;
+            index = stop.skip;
+        } else {
+            index = meets_box(slabs, stop.pmin, stop.pmax, box_limit(ray.t_max)) ? index - 1 : stop.skip;
+        }
     }
-    return occluded || (finished && !more && index < 0);
+    return occluded || (finished && index < 0);
 }
 
 #include "one_ray.glsl"

@@ -64,7 +64,7 @@ pub struct CameraArguments {
     /// Vertical angle in degrees [default: 45]
     #[arg(long, value_name = "DEG", requires = "eye")]
     pub fov: Option<f64>,
-    /// The original's orbiter about the scene's centre, degrees [default: 20,140; cornell: 0,0]
+    /// The original's orbiter about the scene's centre, degrees [default: 20,140; cornell: 0,0; the original: 0,180]
     #[arg(long, value_name = "RX,RY", value_parser = angles, allow_hyphen_values = true, conflicts_with = "eye")]
     pub orbit: Option<[f64; 2]>,
 }
