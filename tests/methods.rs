@@ -35,14 +35,7 @@ fn all_agree(device: &Device, name: &str, triangles: Option<u64>, wishes: Wishes
 #[test]
 fn methods_agree_on_every_scene() {
     with_device(|device| {
-        for (name, triangles) in [
-            ("cornell", None),
-            ("maison", None),
-            ("arcade", Some(3000)),
-            ("terrain", Some(5000)),
-            ("hairball", Some(4000)),
-            ("stadium", Some(3000)),
-        ] {
+        for (name, triangles) in common::SCENES {
             all_agree(device, name, triangles, Wishes::default());
         }
     });

@@ -33,6 +33,16 @@ pub fn scene_of(text: &str) -> Scene {
     scene_from(mesh, report)
 }
 
+/// Every procedural scene at test size.
+pub const SCENES: [(&str, Option<u64>); 6] = [
+    ("cornell", None),
+    ("maison", None),
+    ("arcade", Some(3000)),
+    ("terrain", Some(5000)),
+    ("hairball", Some(4000)),
+    ("stadium", Some(3000)),
+];
+
 /// A procedural scene.
 pub fn scene_named(name: &str, triangles: Option<u64>) -> Scene {
     let kind = procedural::find(name).expect("a scene of this name");
