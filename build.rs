@@ -9,18 +9,19 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use rspirv::dr::{Instruction, Module, Operand};
-use rspirv::spirv::{Decoration, Op, StorageClass};
+use rspirv::spirv::{Capability, Decoration, Op, StorageClass};
 use shaderc_link as _;
 
 #[path = "src/layout.rs"]
 #[allow(dead_code)]
 mod layout;
 
-/// A row of `kernels.txt`.
+/// A kernel of `kernels.txt`.
 struct Row {
     name: String,
     entry: String,
     traverse: String,
+    nodes: String,
     accessor: String,
     defines: Vec<(String, Option<String>)>,
 }
@@ -49,7 +50,7 @@ fn run() -> Result<(), Failure> {
         let named = compile(&compiler, row, shaderc::OptimizationLevel::Zero)?;
         let spirv = compile(&compiler, row, shaderc::OptimizationLevel::Performance)?;
         let glsl = out.join(format!("kernel{number}.glsl"));
-        std::fs::write(&glsl, opengl_text(&compiler, row)?)?;
+        std::fs::write(&glsl, opengl_text(&compiler, row, spirv.as_binary())?)?;
         let file = out.join(format!("kernel{number}.spv"));
         std::fs::write(&file, spirv.as_binary_u8())?;
         hash.update(row.name.as_bytes());
@@ -72,35 +73,64 @@ fn run() -> Result<(), Failure> {
 fn rows(list: &str) -> Result<Vec<Row>, Failure> {
     let mut rows: Vec<Row> = Vec::new();
     for (index, line) in list.lines().enumerate() {
-        let columns: Vec<&str> = line.split_whitespace().collect();
-        if columns.is_empty() || columns[0].starts_with('#') {
+        if line.trim().is_empty() || line.trim_start().starts_with('#') {
             continue;
         }
-        let [name, entry, traverse, accessor, defines] = columns[..] else {
-            return Err(format!(
-                "shaders/kernels.txt:{}: a row has 5 columns, this one {}",
-                index + 1,
-                columns.len()
-            )
-            .into());
-        };
-        if rows.iter().any(|row| row.name == name) {
-            return Err(format!("shaders/kernels.txt:{}: the name {name} stands twice", index + 1).into());
-        }
-        let defines =
-            defines.split(',').filter(|&define| define != "-").map(|define| match define.split_once('=') {
-                Some((key, value)) => (key.to_string(), Some(value.to_string())),
-                None => (define.to_string(), None),
+        let wrong = |what: String| format!("shaders/kernels.txt:{}: {what}", index + 1);
+        for line in alternatives(line) {
+            let columns: Vec<&str> = line.split_whitespace().collect();
+            let [name, entry, traverse, nodes, accessor, defines] = columns[..] else {
+                return Err(wrong(format!("a row has 6 columns, this one {}", columns.len())).into());
+            };
+            if rows.iter().any(|row| row.name == name) {
+                return Err(wrong(format!("the name {name} stands twice")).into());
+            }
+            let defines = defines.split(',').filter(|&define| define != "-").map(|define| {
+                match define.split_once('=') {
+                    Some((key, value)) => (key.to_string(), Some(value.to_string())),
+                    None => (define.to_string(), None),
+                }
             });
-        rows.push(Row {
-            name: name.into(),
-            entry: format!("shaders/{entry}.glsl"),
-            traverse: format!("shaders/traverse/{traverse}.glsl"),
-            accessor: accessor.into(),
-            defines: defines.collect(),
-        });
+            rows.push(Row {
+                name: name.into(),
+                entry: format!("shaders/{entry}.glsl"),
+                traverse: format!("shaders/traverse/{traverse}.glsl"),
+                nodes: nodes.into(),
+                accessor: accessor.into(),
+                defines: defines.collect(),
+            });
+        }
     }
     Ok(rows)
+}
+
+/// The lines that a line with `{a,b}` stands for, one for each choice in each pair of braces; `$1` is what was
+/// chosen in the first pair, and so on.
+fn alternatives(line: &str) -> Vec<String> {
+    let mut lines = vec![(line.to_string(), Vec::<String>::new())];
+    while let Some(open) = lines[0].0.find('{') {
+        lines = lines
+            .into_iter()
+            .flat_map(|(line, chosen)| {
+                let open = line.find('{').unwrap_or(open);
+                let close = line[open..].find('}').map_or(line.len(), |length| open + length);
+                let (before, choices) = (&line[..open], &line[open + 1..close]);
+                let after = line.get(close + 1..).unwrap_or("");
+                let with = |choice: &str| {
+                    let all = chosen.iter().cloned().chain([choice.to_string()]).collect();
+                    (format!("{before}{choice}{after}"), all)
+                };
+                choices.split(',').map(with).collect::<Vec<_>>()
+            })
+            .collect();
+    }
+    let fill = |(line, chosen): (String, Vec<String>)| {
+        chosen
+            .iter()
+            .enumerate()
+            .fold(line, |line, (place, choice)| line.replace(&format!("${}", place + 1), choice))
+    };
+    lines.into_iter().map(fill).collect()
 }
 
 fn compile(
@@ -120,7 +150,11 @@ fn compile(
 
 /// The same text for an OpenGL driver: includes and macros resolved, specialization constants left as
 /// `SPECIALIZED(id)`.
-fn opengl_text(compiler: &shaderc::Compiler, row: &Row) -> Result<String, Failure> {
+/// Empty where the kernel needs what OpenGL 4.3 does not have.
+fn opengl_text(compiler: &shaderc::Compiler, row: &Row, spirv: &[u32]) -> Result<String, Failure> {
+    if !subgroup_operations(&load(row, spirv)?).is_empty() {
+        return Ok(String::new());
+    }
     let seen = RefCell::new(Vec::new());
     let mut options = options(row, &seen)?;
     options.set_target_env(shaderc::TargetEnv::OpenGL, shaderc::EnvVersion::OpenGL4_5 as u32);
@@ -154,6 +188,9 @@ fn options<'a>(row: &'a Row, seen: &'a RefCell<Vec<String>>) -> Result<shaderc::
     let mut options = shaderc::CompileOptions::new()?;
     options.set_warnings_as_errors();
     options.add_macro_definition(&format!("ACCESSOR_{}", row.accessor.to_uppercase()), None);
+    if row.nodes != "-" {
+        options.add_macro_definition(&format!("NODES_{}", row.nodes.to_uppercase()), None);
+    }
     for (key, value) in &row.defines {
         options.add_macro_definition(key, value.as_deref());
     }
@@ -265,11 +302,44 @@ fn table_entry(row: &Row, file: &Path, glsl: &Path, spirv: &[u32]) -> Result<Str
     let list: String =
         bindings.iter().map(|(binding, kind)| format!("({binding}, DescriptorKind::{kind}), ")).collect();
     Ok(format!(
-        "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), glsl: include_str!({:?}), bindings: &[{list}] }},",
+        "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), glsl: include_str!({:?}), bindings: &[{list}], \
+         nodes: NodeLayout::{}, subgroup: &{:?} }},",
         row.name,
         file.display().to_string(),
-        glsl.display().to_string()
+        glsl.display().to_string(),
+        node_layout(row)?,
+        subgroup_operations(&module),
     ))
+}
+
+/// The host's name for the layout of the nodes that a kernel reads.
+fn node_layout(row: &Row) -> Result<&'static str, Failure> {
+    Ok(match row.nodes.as_str() {
+        "-" => "None",
+        "single" => "Single",
+        "threaded" => "Threaded",
+        "threaded48" => "Threaded48",
+        "pair" => "Pair",
+        "wide" => "Wide",
+        other => return Err(format!("kernel {}: there is no node layout {other}", row.name).into()),
+    })
+}
+
+/// Classes of subgroup operations that a kernel uses.
+fn subgroup_operations(module: &Module) -> Vec<&'static str> {
+    let name = |instruction: &Instruction| match instruction.operands.first() {
+        Some(Operand::Capability(capability)) => match capability {
+            Capability::GroupNonUniform => Some("basic"),
+            Capability::GroupNonUniformVote => Some("vote"),
+            Capability::GroupNonUniformArithmetic => Some("arithmetic"),
+            Capability::GroupNonUniformBallot => Some("ballot"),
+            Capability::GroupNonUniformShuffle => Some("shuffle"),
+            Capability::GroupNonUniformQuad => Some("quad"),
+            _ => None,
+        },
+        _ => None,
+    };
+    module.capabilities.iter().filter_map(name).collect()
 }
 
 /// Names, decorations and types of a module, by id.

@@ -12,6 +12,7 @@
 #include "shared/surface.glsl"
 #include "shared/accumulate.glsl"
 #include "shared/counters.glsl"
+#include "shared/pixel_work.glsl"
 
 // A tile of pixels.
 layout(local_size_x = TILE_SIDE, local_size_y = TILE_SIDE) in;
@@ -93,32 +94,45 @@ void retire_any(uint id, bool occluded, bool finished) {
 #include "traverse"
 
 // Whether the camera ray met a surface. The original's far plane is at 1, its near plane at 0.
-bool trace_primary() {
+bool trace_primary(bool works) {
     primary_ray = camera_ray(position);
-    primary_hit = carried_hit(primary_ray.t_max);
-    primary_waits = range.stage != STAGE_ANY;
+    primary_hit = no_hit(primary_ray.t_max);
+    if (works) primary_hit = carried_hit(primary_ray.t_max);
+    primary_waits = works && range.stage != STAGE_ANY;
     primary_finished = true;
+    begin_closest_work();
     run_closest();
+    end_closest_work();
     bool within = !ORIGINAL || (primary_hit.t > 0.0 && primary_hit.t < 1.0);
-    return primary_hit.index != NO_HIT && within;
+    return works && primary_hit.index != NO_HIT && within;
 }
 
-void trace_ambient(bool hit) {
-    if (hit) {
-        surface = surface_at(primary_ray, primary_hit);
-    } else {
-        surface = surface_nowhere();
-        sample_next = range.sample_begin;
-    }
-    occluded_before = carried_occlusion();
+void trace_ambient(bool works, bool hit) {
+    occluded_before = false;
     part_lost = false;
-    lcg_state = SAMPLER == SAMPLER_LCG ? seeds[pixel - range.pixel_base] : 0u;
+    lcg_state = 0u;
+    if (works) {
+        if (hit) {
+            surface = surface_at(primary_ray, primary_hit);
+        } else {
+            surface = surface_nowhere();
+            sample_next = range.sample_begin;
+        }
+        occluded_before = carried_occlusion();
+        if (SAMPLER == SAMPLER_LCG) lcg_state = seeds[pixel - range.pixel_base];
+    } else {
+        sample_end = sample_next;
+    }
+    begin_any_work();
     run_any();
+    end_any_work();
 }
 
+// Invocations without work go all the way with the others: a method may have them help their subgroup.
 void main() {
     pixel = range.pixel_begin + gl_WorkGroupID.x * WORKGROUP_SIZE + gl_LocalInvocationIndex;
     position = pixel_position(pixel);
+    sample_next = 0u;
     sample_end = range.sample_end;
     escaped = uvec2(0u);
     traced = uvec2(0u);
@@ -130,27 +144,26 @@ void main() {
         sample_next = first_open_sample(pixel);
         works = sample_next < sample_end;
     }
+    bool hit = trace_primary(works);
+    if (works && range.stage != STAGE_ANY && (last_part() || !primary_finished)) {
+        mine.primary_asked = 1u;
+        mine.primary_finished = primary_finished ? 1u : 0u;
+    }
+    if (works && range.stage == STAGE_CLOSEST) carry_hit(primary_hit);
+    works = works && range.stage != STAGE_CLOSEST && primary_finished && (hit || ORIGINAL);
+    uint asked = sample_end - sample_next;
+    trace_ambient(works, hit);
     if (works) {
-        bool hit = trace_primary();
-        bool counts_primary = range.stage != STAGE_ANY && (last_part() || !primary_finished);
-        mine.primary_asked = counts_primary ? 1u : 0u;
-        mine.primary_finished = counts_primary && primary_finished ? 1u : 0u;
-        if (range.stage == STAGE_CLOSEST) {
-            carry_hit(primary_hit);
-        } else if (primary_finished && (hit || ORIGINAL)) {
-            uint asked = sample_end - sample_next;
-            trace_ambient(hit);
-            if (!hit) {
-                traced = uvec2(0u);
-                sum = 0.0;
-            } else if (last_part() || part_lost) {
-                mine.ambient_asked = asked;
-                mine.ambient_finished = traced.x + traced.y;
-            }
-            if (last_part()) {
-                add_samples(pixel, position, hit ? escaped : uvec2(0u), traced, sum);
-                if (SAMPLER == SAMPLER_LCG) seeds[pixel - range.pixel_base] = lcg_state;
-            }
+        if (!hit) {
+            traced = uvec2(0u);
+            sum = 0.0;
+        } else if (last_part() || part_lost) {
+            mine.ambient_asked = asked;
+            mine.ambient_finished = traced.x + traced.y;
+        }
+        if (last_part()) {
+            add_samples(pixel, position, hit ? escaped : uvec2(0u), traced, sum);
+            if (SAMPLER == SAMPLER_LCG) seeds[pixel - range.pixel_base] = lcg_state;
         }
     }
     mine.overflowed = overflowed;

@@ -1,5 +1,10 @@
 // The only file that knows which API the text is compiled for.
 #ifdef VULKAN
+#extension GL_KHR_shader_subgroup_basic : enable
+#extension GL_KHR_shader_subgroup_vote : enable
+#extension GL_KHR_shader_subgroup_ballot : enable
+#extension GL_KHR_shader_subgroup_arithmetic : enable
+#extension GL_KHR_shader_subgroup_shuffle : enable
 #define UNIFORM_BLOCK(n) layout(set = 0, binding = n, std140) uniform
 #define STORAGE_BLOCK(n) layout(set = 0, binding = n, std430)
 #define TEXELS(n) layout(set = 0, binding = n) uniform

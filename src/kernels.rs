@@ -11,15 +11,35 @@ pub enum DescriptorKind {
     UniformTexelBuffer,
 }
 
+/// How the nodes that a kernel reads are laid out: which of the tree's arrays it is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeLayout {
+    /// It reads none.
+    None,
+    /// A box a node ([`crate::layout::Node`]).
+    Single,
+    Threaded,
+    /// The original's threaded node.
+    Threaded48,
+    /// The boxes of both children.
+    Pair,
+    /// Eight compressed children.
+    Wide,
+}
+
 /// A row of `shaders/kernels.txt`.
 #[derive(Debug)]
 pub struct Kernel {
     pub name: &'static str,
     pub spirv: &'static [u8],
-    /// GLSL for OpenGL 4.3; specialization constants stand in it as `SPECIALIZED(id)`.
+    /// GLSL for OpenGL 4.3; specialization constants stand in it as `SPECIALIZED(id)`. Empty where the kernel
+    /// needs what OpenGL 4.3 does not have.
     pub glsl: &'static str,
     /// Bindings of set 0 that the kernel uses.
     pub bindings: &'static [(u32, DescriptorKind)],
+    pub nodes: NodeLayout,
+    /// Classes of subgroup operations that it uses: basic, vote, arithmetic, ballot, shuffle, quad.
+    pub subgroup: &'static [&'static str],
 }
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));

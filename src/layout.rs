@@ -109,6 +109,18 @@ records! {
         pad: vec3,
         skip: int,
     }
+    /// An inner node with the boxes of both its children, each with a reference: a node (0 is the root), or a
+    /// leaf as in [`ThreadedNode`]. A lone leaf is a node that names it twice, once with a box out of reach.
+    PairNode {
+        left_min: vec3,
+        left: int,
+        left_max: vec3,
+        right: int,
+        right_min: vec3,
+        pad0: uint,
+        right_max: vec3,
+        pad1: uint,
+    }
     /// What stays the same for all dispatches of a render.
     Frame {
         /// Camera ray of raster position (x, y): origin + x origin_dx + y origin_dy, and likewise its
@@ -189,6 +201,18 @@ records! {
         v: float,
         index: uint,
     }
+    /// What the traversals of a pixel's rays cost, from the kernels that count it.
+    Work {
+        closest_visits: uint,
+        closest_tests: uint,
+        /// Visits and tests of the subgroup that this invocation counted for all.
+        closest_group_steps: uint,
+        subgroup_size: uint,
+        any_visits: uint,
+        any_tests: uint,
+        any_group_steps: uint,
+        pad: uint,
+    }
     /// What a slot of workgroups did: compared with what was asked for after every submit.
     Counters {
         primary_asked: uint,
@@ -216,6 +240,7 @@ constants! {
     BINDING_HITS = 9;
     /// The range of a dispatch, where it is a uniform block (OpenGL).
     BINDING_RANGE = 10;
+    BINDING_WORK = 11;
 
     /// Specialization constants.
     SPEC_STACK_SIZE = 0;

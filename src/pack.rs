@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use crate::bvh::thread;
 use crate::bvh::{Aabb, Content, Tree};
-use crate::layout::{LEAF_LIMIT, Node, ThreadedNode, ThreadedNode48, Triangle};
+use crate::kernels::NodeLayout;
+use crate::layout::{LEAF_LIMIT, Node, PairNode, ThreadedNode, ThreadedNode48, Triangle};
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
 /// box is flat and a ray that lies in a box's face is inside it.
@@ -19,7 +20,45 @@ pub fn triangles(tree: &Tree, triangles: &[Triangle]) -> Vec<Triangle> {
     tree.order.iter().map(|&place| triangles[place as usize]).collect()
 }
 
-/// Nodes for `stackN`.
+/// A tree in every layout, as the twin of the shaders reads it.
+#[derive(Clone, Debug, Default)]
+pub struct NodeArrays {
+    pub single: Vec<Node>,
+    pub threaded: Vec<ThreadedNode>,
+    pub pair: Vec<PairNode>,
+}
+
+impl NodeArrays {
+    pub fn new(tree: &Tree, pad: f32) -> Self {
+        Self { single: nodes(tree, pad), threaded: threaded_nodes(tree, pad), pair: pair_nodes(tree, pad) }
+    }
+}
+
+/// The array of nodes of a layout, bytes; a word where the kernel reads none.
+pub fn node_bytes(layout: NodeLayout, tree: &Tree, pad: f32) -> Vec<u8> {
+    match layout {
+        NodeLayout::None | NodeLayout::Wide => vec![0; 16],
+        NodeLayout::Single => bytemuck::cast_slice(&nodes(tree, pad)).to_vec(),
+        NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
+        NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
+        NodeLayout::Pair => bytemuck::cast_slice(&pair_nodes(tree, pad)).to_vec(),
+    }
+}
+
+/// Bytes of the array of nodes of a layout, at most, without making it.
+pub fn node_array_bytes(layout: NodeLayout, tree: &Tree) -> u64 {
+    let nodes = tree.nodes.len() as u64;
+    match layout {
+        NodeLayout::None => 16,
+        NodeLayout::Single => nodes * size_of::<Node>() as u64,
+        NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
+        NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,
+        NodeLayout::Pair => (nodes / 2).max(1) * size_of::<PairNode>() as u64,
+        NodeLayout::Wide => 16,
+    }
+}
+
+/// Nodes for `stackN` and `single-push`.
 pub fn nodes(tree: &Tree, pad: f32) -> Vec<Node> {
     tree.nodes
         .iter()
@@ -40,7 +79,7 @@ pub fn threaded_nodes(tree: &Tree, pad: f32) -> Vec<ThreadedNode> {
             let (pmin, pmax) = grown(&node.bounds, pad);
             let leaf = match node.content {
                 Content::Inner { .. } => 0,
-                Content::Leaf { first, count } => -1 - (first * LEAF_LIMIT + count - 1) as i32,
+                Content::Leaf { first, count } => packed_leaf(first, count),
             };
             ThreadedNode { pmin, skip, pmax, leaf }
         })
@@ -58,6 +97,58 @@ pub fn threaded_nodes48(tree: &Tree, pad: f32) -> Vec<ThreadedNode48> {
             ThreadedNode48 { pmin, left, pmax, right, pad: [0.0; 3], skip }
         })
         .collect()
+}
+
+/// Nodes for `ordered`, `packet` and `postponed`: inner nodes only, the root first, each before its children and
+/// the left subtree before the right one.
+pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
+    let mut places = vec![0i32; tree.nodes.len()];
+    let mut inner = Vec::new();
+    let mut open: Vec<u32> = (tree.nodes.len() as u32).checked_sub(1).into_iter().collect();
+    while let Some(index) = open.pop() {
+        if let Content::Inner { left, right } = tree.nodes[index as usize].content {
+            places[index as usize] = inner.len() as i32;
+            inner.push((left, right));
+            open.extend([right, left]);
+        }
+    }
+    let child = |index: u32| {
+        let node = &tree.nodes[index as usize];
+        let reference = match node.content {
+            Content::Inner { .. } => places[index as usize],
+            Content::Leaf { first, count } => packed_leaf(first, count),
+        };
+        (grown(&node.bounds, pad), reference)
+    };
+    if let (true, Some(root)) = (inner.is_empty(), tree.nodes.len().checked_sub(1)) {
+        let ((left_min, left_max), left) = child(root as u32);
+        let far = [OUT_OF_REACH; 3];
+        return vec![PairNode {
+            left_min,
+            left,
+            left_max,
+            right: left,
+            right_min: far,
+            right_max: far,
+            pad0: 0,
+            pad1: 0,
+        }];
+    }
+    inner
+        .iter()
+        .map(|&(left, right)| {
+            let ((left_min, left_max), left) = child(left);
+            let ((right_min, right_max), right) = child(right);
+            PairNode { left_min, left, left_max, right, right_min, pad0: 0, right_max, pad1: 0 }
+        })
+        .collect()
+}
+
+/// Coordinate of a box that next to no ray meets.
+const OUT_OF_REACH: f32 = 1e38;
+
+fn packed_leaf(first: u32, count: u32) -> i32 {
+    -1 - (first * LEAF_LIMIT + count - 1) as i32
 }
 
 fn links(content: Content) -> (i32, i32) {

@@ -14,17 +14,21 @@ const SIZE: (u32, u32) = (72, 45);
 fn all_agree(device: &Device, name: &str, triangles: Option<u64>, wishes: Wishes) {
     let scene = scene_named(name, triangles);
     let geometry = geometry(&scene, wishes.preset.unwrap_or(Preset::Auto));
-    let mut first: Option<(String, Accumulated, u64)> = None;
+    let mut first: Option<(&str, Accumulated, u64)> = None;
     for decision in every_traversal(wishes, &geometry, device) {
         let plan = plan_decided(device, &scene, &geometry, job(&scene, SIZE, 0..8), &decision);
         let outcome = run(device, &plan);
-        assert_eq!(outcome.overflowed_rays, 0, "{}", plan.kernel);
-        assert_eq!(outcome.repeats, 0, "{}", plan.kernel);
+        assert_eq!(outcome.overflowed_rays, 0, "{}", plan.kernel.name);
+        assert_eq!(outcome.repeats, 0, "{}", plan.kernel.name);
         let rays = outcome.ambient_rays;
         match &first {
-            None => first = Some((plan.kernel.clone(), outcome.accumulated, rays)),
+            None => first = Some((plan.kernel.name, outcome.accumulated, rays)),
             Some((kernel, accumulated, expected)) => {
-                assert!(*accumulated == outcome.accumulated, "{name}: {kernel} and {} differ", plan.kernel);
+                assert!(
+                    *accumulated == outcome.accumulated,
+                    "{name}: {kernel} and {} differ",
+                    plan.kernel.name
+                );
                 assert_eq!(*expected, rays);
             }
         }

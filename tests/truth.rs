@@ -6,7 +6,7 @@ use common::{
     every_traversal, geometry, job, plan, plan_decided, run, scene_from, scene_named, scene_of, with_device,
 };
 use cousu::layout::{Count, HitRecord, RayRecord, SAMPLER_LCG, SAMPLER_PCG};
-use cousu::pack;
+use cousu::pack::NodeArrays;
 use cousu::reference::exact::Truth;
 use cousu::reference::{self, Choices, Inputs, Traversal};
 use cousu::render::choices::{Accumulator, Method, Preset, Sampler, Slabs, Wishes};
@@ -171,30 +171,29 @@ fn random_scene(count: u32) -> Scene {
 
 /// Packed arrays for the twin.
 struct Twin {
-    nodes: Vec<cousu::layout::Node>,
-    threaded: Vec<cousu::layout::ThreadedNode>,
+    tree: NodeArrays,
 }
 
 impl Twin {
     fn new(plan: &Plan<'_>) -> Self {
-        let tree = &plan.geometry.tree;
-        Self {
-            nodes: pack::nodes(tree, plan.frame.box_pad),
-            threaded: pack::threaded_nodes(tree, plan.frame.box_pad),
-        }
+        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.frame.box_pad) }
     }
 
     fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
         Inputs {
             frame: &plan.frame,
             triangles: &plan.geometry.triangles,
-            nodes: &self.nodes,
-            threaded: &self.threaded,
+            tree: &self.tree,
             choices: Choices {
                 traversal: match plan.settings.method {
                     Method::Brute => Traversal::Brute,
                     Method::Stack(size) => Traversal::Stack { size },
                     Method::Threaded => Traversal::Threaded,
+                    Method::SinglePush => Traversal::SinglePush,
+                    Method::Ordered => Traversal::Ordered,
+                    Method::Packet => Traversal::Packet,
+                    Method::Postponed => Traversal::Postponed,
+                    Method::Wide => Traversal::Wide,
                 },
                 original: plan.settings.preset == Preset::Original,
                 robust_slabs: plan.settings.slabs == Slabs::Robust,
@@ -236,9 +235,9 @@ fn check_rays(
             .collect();
         match &first {
             Some((expected, expected_any)) => {
-                assert!(bits(expected) == bits(&closest), "closest hits differ with {}", plan.kernel);
+                assert!(bits(expected) == bits(&closest), "closest hits differ with {}", plan.kernel.name);
                 for ((_, expected), (_, found)) in expected_any.iter().zip(&any) {
-                    assert!(bits(expected) == bits(found), "any hits differ with {}", plan.kernel);
+                    assert!(bits(expected) == bits(found), "any hits differ with {}", plan.kernel.name);
                 }
             }
             None => {

@@ -1,7 +1,7 @@
 // Where a pixel's ambient rays are added up: exact counts in a buffer, or the original's running mean
 // in a storage image. Twin: src/reference/accumulate.rs.
 
-#ifdef ACCUMULATE_COUNT
+#ifdef ACCUMULATE_count
 
 STORAGE_BLOCK(BINDING_COUNTS) buffer CountBlock { Count counts[]; };
 
@@ -21,7 +21,11 @@ void add_samples(uint pixel, ivec2 position, uvec2 escaped, uvec2 traced, float 
 
 #else
 
-STORAGE_IMAGE(BINDING_IMAGE, ACCUMULATE_IMAGE) image2D mean_image;
+#ifdef ACCUMULATE_rgba8
+STORAGE_IMAGE(BINDING_IMAGE, rgba8) image2D mean_image;
+#else
+STORAGE_IMAGE(BINDING_IMAGE, rgba32f) image2D mean_image;
+#endif
 
 // The running mean has no memory of how many samples it holds: dispatches must come in order.
 uint first_open_sample(uint pixel) { return range.sample_begin; }

@@ -1,5 +1,7 @@
 // Ray against triangle. Twin: src/reference/intersect.rs.
 
+#include "work.glsl"
+
 // Smallest determinant taken for a triangle that the ray can meet: below it 1/det overflows.
 #define SMALLEST_DETERMINANT 7.52316384526264e-37
 
@@ -60,6 +62,7 @@ bool intersect(Ray ray, Slabs slabs, Triangle triangle, float t_max, out vec3 tu
 // Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter
 // (the original kept the last).
 void closest_of_triangle(Ray ray, Slabs slabs, int index, inout Hit hit) {
+    COUNT_TEST();
     Triangle triangle = load_triangle(index);
     vec3 tuv;
     if (intersect(ray, slabs, triangle, hit.t, tuv) &&
@@ -69,6 +72,7 @@ void closest_of_triangle(Ray ray, Slabs slabs, int index, inout Hit hit) {
 }
 
 bool any_of_triangle(Ray ray, Slabs slabs, int index) {
+    COUNT_TEST();
     vec3 tuv;
     return intersect(ray, slabs, load_triangle(index), ray.t_max, tuv);
 }

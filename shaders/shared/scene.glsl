@@ -28,7 +28,9 @@ STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_
 #define TRIANGLE_WORD(i) triangle_words[i]
 #endif
 
-#ifdef NODE_WORD
+#ifdef NODES_SINGLE
 Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
+#elif defined(NODES_PAIR)
+PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
 #endif
 Triangle load_triangle(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }

@@ -27,6 +27,7 @@ bool closest_hit(Ray ray, inout Hit hit) {
     push(int(frame.node_count) - 1);
     bool finished = true;
     while (stack_top > 0) {
+        COUNT_VISIT();
         Node node = load_node(stack[--stack_top]);
         if (node.left < 0) {
             finished = closest_of_leaf(ray, slabs, -1 - node.left, -1 - node.right, hit) && finished;
@@ -44,6 +45,7 @@ bool any_hit(Ray ray, inout bool occluded) {
     push(int(frame.node_count) - 1);
     bool finished = true;
     while (stack_top > 0 && !occluded) {
+        COUNT_VISIT();
         Node node = load_node(stack[--stack_top]);
         if (node.left < 0) {
             finished = any_of_leaf(ray, slabs, -1 - node.left, -1 - node.right, occluded) && finished;

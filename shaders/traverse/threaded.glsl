@@ -4,7 +4,7 @@
 
 #include "leaf.glsl"
 
-#ifdef THREADED48
+#ifdef NODES_THREADED48
 ThreadedNode48 load_threaded48(int i) { LOAD_ThreadedNode48(NODE_WORD, uint(i)) }
 #else
 ThreadedNode load_threaded(int i) { LOAD_ThreadedNode(NODE_WORD, uint(i)) }
@@ -20,7 +20,7 @@ struct Stop {
 
 // first is -1 inside the tree.
 Stop load_stop(int index) {
-#ifdef THREADED48
+#ifdef NODES_THREADED48
     ThreadedNode48 node = load_threaded48(index);
     return node.left < 0 ? Stop(node.pmin, node.pmax, node.skip, -1 - node.left, -1 - node.right)
                          : Stop(node.pmin, node.pmax, node.skip, -1, -1);
@@ -37,6 +37,7 @@ bool closest_hit(Ray ray, inout Hit hit) {
     int index = int(frame.node_count) - 1;
     bool finished = true;
     while (index >= 0) {
+        COUNT_VISIT();
         Stop stop = load_stop(index);
         if (stop.first >= 0) {
             finished = closest_of_leaf(ray, slabs, stop.first, stop.last, hit) && finished;
@@ -53,6 +54,7 @@ bool any_hit(Ray ray, inout bool occluded) {
     int index = int(frame.node_count) - 1;
     bool finished = true;
     while (index >= 0 && !occluded) {
+        COUNT_VISIT();
         Stop stop = load_stop(index);
         if (stop.first >= 0) {
             finished = any_of_leaf(ray, slabs, stop.first, stop.last, occluded) && finished;

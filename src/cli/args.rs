@@ -4,7 +4,7 @@ use clap::Args;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Slabs, Wishes};
+use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, DEFAULT_FOV};
 
@@ -15,9 +15,13 @@ pub struct ChoiceArguments {
     /// A bundle of choices; the options below change single ones
     #[arg(long, value_enum, default_value = "auto")]
     pub preset: Preset,
-    /// How a ray finds triangles: brute, threaded (or cousu), stackN such as stack16 or stack64
+    /// How a ray finds triangles: brute, stackN (such as stack16 or stack64), threaded (or cousu), single-push, ordered,
+    /// packet, postponed, wide
     #[arg(long, value_name = "METHOD")]
     pub method: Option<Method>,
+    /// How the work is cut into kernels
+    #[arg(long, value_enum)]
+    pub passes: Option<Passes>,
     /// Where random numbers come from
     #[arg(long, value_enum)]
     pub sampler: Option<Sampler>,
@@ -40,6 +44,7 @@ impl ChoiceArguments {
         Wishes {
             preset: Some(self.preset),
             method: self.method,
+            passes: self.passes,
             sampler: self.sampler,
             accumulator: self.accumulator,
             offset: self.offset,

@@ -24,7 +24,8 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::layout::{Count, Frame, HitRecord, NO_HIT, Node, RayRecord, ThreadedNode, Triangle};
+use crate::layout::{Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, ThreadedNode, Triangle};
+use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};
 use surface::{ambient_ray, original_weight, pcg_numbers, sample_numbers, surface_at, surface_nowhere};
 
@@ -37,6 +38,11 @@ pub enum Traversal {
         size: u32,
     },
     Threaded,
+    SinglePush,
+    Ordered,
+    Packet,
+    Postponed,
+    Wide,
 }
 
 /// What kernels are specialized for.
@@ -56,10 +62,8 @@ pub struct Inputs<'a> {
     pub frame: &'a Frame,
     /// In the order of the tree's leaves.
     pub triangles: &'a [Triangle],
-    /// For [`Traversal::Stack`]; others leave it alone.
-    pub nodes: &'a [Node],
-    /// For [`Traversal::Threaded`]; others leave it alone.
-    pub threaded: &'a [ThreadedNode],
+    /// The tree in every layout; [`Traversal::Brute`] leaves it alone.
+    pub tree: &'a NodeArrays,
     pub choices: Choices,
 }
 
@@ -69,11 +73,15 @@ impl Inputs<'_> {
     }
 
     pub fn load_node(&self, index: i32) -> &Node {
-        &self.nodes[index as usize]
+        &self.tree.single[index as usize]
     }
 
     pub fn load_threaded(&self, index: i32) -> &ThreadedNode {
-        &self.threaded[index as usize]
+        &self.tree.threaded[index as usize]
+    }
+
+    pub fn load_pair(&self, index: i32) -> &PairNode {
+        &self.tree.pair[index as usize]
     }
 }
 

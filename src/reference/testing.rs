@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::{Choices, Inputs, Traversal};
 use crate::bvh::midpoint;
 use crate::bvh::stack::stack_bound;
-use crate::layout::{Frame, Node, SAMPLER_PCG, ThreadedNode, Triangle};
-use crate::pack;
+use crate::layout::{Frame, SAMPLER_PCG, Triangle};
+use crate::pack::{self, NodeArrays};
 use crate::reference::ray::Ray;
 
 /// SplitMix64 of Steele, Lea and Flood (2014): shares nothing with the generators under test.
@@ -180,8 +180,7 @@ pub fn aimed_ray(random: &mut Random, target: &Triangle) -> Ray {
 pub struct Scene {
     pub frame: Frame,
     pub triangles: Vec<Triangle>,
-    pub nodes: Vec<Node>,
-    pub threaded: Vec<ThreadedNode>,
+    pub tree: NodeArrays,
     /// Entries that a stack needs.
     pub stack_bound: u32,
 }
@@ -203,8 +202,7 @@ impl Scene {
         Self {
             frame,
             triangles: pack::triangles(&tree, &triangles),
-            nodes: pack::nodes(&tree, box_pad),
-            threaded: pack::threaded_nodes(&tree, box_pad),
+            tree: NodeArrays::new(&tree, box_pad),
             stack_bound: stack_bound(&tree),
         }
     }
@@ -231,8 +229,7 @@ impl Scene {
         Inputs {
             frame: &self.frame,
             triangles: &self.triangles,
-            nodes: &self.nodes,
-            threaded: &self.threaded,
+            tree: &self.tree,
             choices: self.choices(false),
         }
     }

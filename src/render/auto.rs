@@ -1,7 +1,7 @@
 //! Which choices a preset makes, and why. The device chooses only what keeps the counts (method,
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
-use super::choices::{Accumulator, Method, Offset, Preset, Sampler, Settings, Slabs, Wishes};
+use super::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
 use super::geometry::Geometry;
 use crate::error::{Error, Result};
 use crate::vk::{Adapter, DeviceKind};
@@ -55,6 +55,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             let of_original = Settings {
                 preset,
                 method: wishes.method.unwrap_or(Method::Threaded),
+                passes: wishes.passes.unwrap_or(Passes::Single),
                 sampler: wishes.sampler.unwrap_or(Sampler::Lcg),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Rgba8),
                 offset: wishes.offset.unwrap_or(Offset::Fixed),
@@ -84,11 +85,13 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "count",
                 "exact, and it adds up in any order",
             );
+            choose("passes", wishes.passes.map(Passes::name), "single", "one kernel does all of a pixel");
             choose("offset", wishes.offset.map(Offset::name), "scaled", "follows the scene's size");
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
                 preset,
                 method,
+                passes: wishes.passes.unwrap_or(Passes::Single),
                 sampler: wishes.sampler.unwrap_or(Sampler::Pcg),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
                 offset: wishes.offset.unwrap_or(Offset::Scaled),
@@ -99,7 +102,6 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     let (accessor, why) = choose_accessor(&settings, geometry, adapter);
     note("accessor", accessor.name().into(), why);
     note("builder", "midpoint".into(), "the one there is");
-    note("passes", "single".into(), "one kernel does all of a pixel");
     note("intersector", "moller".into(), "the one there is");
     Decision { settings, accessor, reasons }
 }

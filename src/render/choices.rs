@@ -67,6 +67,15 @@ choices! {
         /// 10^-4 of the diagonal of the scene's box.
         Scaled = "scaled",
     }
+    /// How the work is cut into kernels.
+    Passes {
+        /// One kernel does all of a pixel.
+        Single = "single",
+        /// Camera rays' hits are found once, kept and listed; ambient rays start from the list.
+        Split = "split",
+        /// A kernel a step: camera rays, closest hit, ambient rays, any hit, accumulation.
+        Staged = "staged",
+    }
     /// The test of a ray against a box.
     Slabs {
         Plain = "plain",
@@ -84,6 +93,16 @@ pub enum Method {
     Stack(u32),
     /// A sewn tree, no stack.
     Threaded,
+    /// Takes one child at once and puts only the other on the stack.
+    SinglePush,
+    /// Nodes with both children's boxes, the near child first.
+    Ordered,
+    /// A subgroup's rays share one stack.
+    Packet,
+    /// Leaves wait until enough of the subgroup have one.
+    Postponed,
+    /// A compressed tree of eight children a node.
+    Wide,
 }
 
 /// Deepest stack that a kernel is made with.
@@ -96,7 +115,18 @@ impl Method {
             Self::Brute => "brute",
             Self::Stack(_) => "stack",
             Self::Threaded => "threaded",
+            Self::SinglePush => "single-push",
+            Self::Ordered => "ordered",
+            Self::Packet => "packet",
+            Self::Postponed => "postponed",
+            Self::Wide => "wide",
         }
+    }
+
+    /// Every method, `stackN` with so many entries.
+    pub fn all(stack: u32) -> [Self; 8] {
+        use Method::*;
+        [Brute, Stack(stack), Threaded, SinglePush, Ordered, Packet, Postponed, Wide]
     }
 }
 
@@ -114,15 +144,20 @@ impl FromStr for Method {
 
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
-            "brute" => Ok(Self::Brute),
-            "threaded" | "cousu" => Ok(Self::Threaded),
+            "cousu" => Ok(Self::Threaded),
             _ => {
+                let unsized_method = |method: &Self| method.family() == text && *method != Self::Stack(1);
+                if let Some(method) = Self::all(1).into_iter().find(unsized_method) {
+                    return Ok(method);
+                }
                 let entries = text.strip_prefix("stack").and_then(|digits| digits.parse().ok());
                 match entries {
                     Some(entries) if (1..=MOST_STACK).contains(&entries) => Ok(Self::Stack(entries)),
                     Some(_) => Err(format!("a stack has 1 to {MOST_STACK} entries")),
                     None => {
-                        Err("choose brute, threaded (or cousu), or stackN such as stack16 or stack64".into())
+                        Err("choose brute, stackN (such as stack16 or stack64), threaded (or cousu), single-push, \
+                             ordered, packet, postponed or wide"
+                            .into())
                     }
                 }
             }
@@ -135,6 +170,7 @@ impl FromStr for Method {
 pub struct Settings {
     pub preset: Preset,
     pub method: Method,
+    pub passes: Passes,
     pub sampler: Sampler,
     pub accumulator: Accumulator,
     pub offset: Offset,
@@ -146,6 +182,7 @@ pub struct Settings {
 pub struct Wishes {
     pub preset: Option<Preset>,
     pub method: Option<Method>,
+    pub passes: Option<Passes>,
     pub sampler: Option<Sampler>,
     pub accumulator: Option<Accumulator>,
     pub offset: Option<Offset>,
@@ -158,7 +195,17 @@ mod tests {
 
     #[test]
     fn methods_have_names_both_ways() {
-        for name in ["brute", "stack16", "stack64", "threaded"] {
+        for name in [
+            "brute",
+            "stack16",
+            "stack64",
+            "threaded",
+            "single-push",
+            "ordered",
+            "packet",
+            "postponed",
+            "wide",
+        ] {
             assert_eq!(name.parse::<Method>().unwrap().to_string(), name);
         }
         assert_eq!("cousu".parse(), Ok(Method::Threaded));

@@ -7,7 +7,6 @@ use super::plan::Plan;
 use super::schedule::Pace;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::kernels::find_kernel;
 use crate::layout::{self, Carry, Count, Range};
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline};
 
@@ -32,8 +31,7 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
     let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
     let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
     let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
-    let pipeline =
-        Pipeline::new(device, find_kernel(&plan.kernel)?, &plan.constants, size_of::<Range>() as u32)?;
+    let pipeline = Pipeline::new(device, plan.kernel, &plan.constants, size_of::<Range>() as u32)?;
     let image = new_image(device, plan)?;
     let inputs = Inputs {
         device,

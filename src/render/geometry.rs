@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::layout::Triangle;
 use crate::pack;
 use crate::reference::surface::normal_of;
+use crate::render::choices::Method;
 use crate::scene::Scene;
 use crate::scene::condition::{self, Placement};
 
@@ -63,6 +64,20 @@ impl Geometry {
             build_ms,
             without_area,
         })
+    }
+}
+
+impl Geometry {
+    /// Entries that a ray's stack can need with this method; 0 without a stack.
+    pub fn stack_bound_of(&self, method: Method) -> u32 {
+        match method {
+            Method::Brute | Method::Threaded => 0,
+            Method::Stack(_) => self.stack_bound,
+            // Of two children one is visited at once, whichever it is, and the other waits.
+            Method::SinglePush | Method::Ordered | Method::Packet | Method::Postponed | Method::Wide => {
+                self.tree.depth()
+            }
+        }
     }
 }
 

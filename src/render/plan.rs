@@ -1,7 +1,7 @@
 //! What a render does, before any device is touched: kernel, constants, frame, work.
 
-use crate::bvh::Tree;
 use crate::error::{Error, Result};
+use crate::kernels::{Kernel, find_kernel};
 use crate::layout::{self, Frame};
 use crate::pack;
 use crate::render::auto::{Accessor, Decision};
@@ -32,8 +32,8 @@ pub struct Plan<'a> {
     pub settings: Settings,
     pub tiles: Tiles,
     pub frame: Frame,
-    /// Name in `kernels.txt`.
-    pub kernel: String,
+    /// The row of `kernels.txt`.
+    pub kernel: &'static Kernel,
     /// Specialization constants: (id, value).
     pub constants: Vec<(u32, u32)>,
     pub texels: bool,
@@ -66,7 +66,9 @@ impl<'a> Plan<'a> {
         let settings = decision.settings;
         check_job(&job, &settings, limits)?;
         let original = settings.preset == Preset::Original;
-        let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { 1 };
+        let bound = geometry.stack_bound_of(settings.method);
+        let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { bound.max(1) };
+        let kernel = find_kernel(&kernel_name(&settings, decision.accessor))?;
         let tiles = Tiles { width: job.size.0, height: job.size.1 };
         let frame = frame(&job, &settings, scene, geometry);
         if !original {
@@ -75,7 +77,7 @@ impl<'a> Plan<'a> {
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
             frame,
-            kernel: kernel_name(&settings, decision.accessor),
+            kernel,
             constants: vec![
                 (layout::SPEC_STACK_SIZE, stack_entries),
                 (layout::SPEC_STACK_ROOM, stack_entries.max(SHORTEST_STACK_ARRAY)),
@@ -110,16 +112,12 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
-        let tree = &self.geometry.tree;
-        let pad = self.node_pad();
-        match self.settings.method {
-            Method::Brute => vec![0; 16],
-            Method::Stack(_) => bytemuck::cast_slice(&pack::nodes(tree, pad)).to_vec(),
-            Method::Threaded if self.settings.preset == Preset::Original => {
-                bytemuck::cast_slice(&pack::threaded_nodes48(tree, pad)).to_vec()
-            }
-            Method::Threaded => bytemuck::cast_slice(&pack::threaded_nodes(tree, pad)).to_vec(),
-        }
+        pack::node_bytes(self.kernel.nodes, &self.geometry.tree, self.node_pad())
+    }
+
+    /// Entries that a ray's stack can need; 0 without a stack.
+    pub fn stack_bound(&self) -> u32 {
+        self.geometry.stack_bound_of(self.settings.method)
     }
 
     /// By how much the boxes of nodes are grown on every side, device units.
@@ -127,20 +125,9 @@ impl<'a> Plan<'a> {
         if self.settings.slabs == Slabs::Robust { self.geometry.box_pad } else { 0.0 }
     }
 
-    fn node_record_bytes(&self) -> usize {
-        match self.settings.method {
-            Method::Brute => 0,
-            Method::Threaded if self.settings.preset == Preset::Original => {
-                size_of::<layout::ThreadedNode48>()
-            }
-            _ => size_of::<layout::Node>(),
-        }
-    }
-
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
-        let Tree { nodes, order } = &self.geometry.tree;
-        let node_bytes = (nodes.len() * self.node_record_bytes()) as u64;
-        let triangle_bytes = (order.len() * size_of::<layout::Triangle>()) as u64;
+        let node_bytes = pack::node_array_bytes(self.kernel.nodes, &self.geometry.tree);
+        let triangle_bytes = self.triangle_bytes().len() as u64;
         let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
         let largest = node_bytes.max(triangle_bytes);
         if largest > limit {
@@ -148,7 +135,7 @@ impl<'a> Plan<'a> {
                 "{} has {} triangles, which take a buffer of {} MB where this device reads at most {} MB with {}: \
                  choose another --method or device, or a smaller scene.",
                 scene.path,
-                order.len(),
+                self.geometry.triangles.len(),
                 largest / 1_000_000,
                 limit / 1_000_000,
                 self.settings.method

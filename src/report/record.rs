@@ -3,7 +3,6 @@
 use serde::Serialize;
 
 use super::manifest::Manifest;
-use crate::render::choices::Method;
 use crate::render::execute::Outcome;
 use crate::render::picture::rmse_estimate;
 use crate::render::plan::Plan;
@@ -83,7 +82,7 @@ impl RenderRecord {
             preset: settings.preset.name(),
             method: settings.method.to_string(),
             builder: "midpoint",
-            passes: "single",
+            passes: settings.passes.name(),
             sampler: settings.sampler.name(),
             accumulator: settings.accumulator.name(),
             offset: settings.offset.name(),
@@ -96,7 +95,7 @@ impl RenderRecord {
             ambient_rays: outcome.ambient_rays,
             ambient_mrays_per_s: rate(outcome.ambient_rays),
             mrays_per_s: rate(outcome.primary_rays + outcome.ambient_rays),
-            max_stack: if let Method::Stack(_) = settings.method { plan.geometry.stack_bound } else { 0 },
+            max_stack: plan.stack_bound(),
             overflowed_rays: outcome.overflowed_rays,
             repeats: outcome.repeats,
             rmse_estimate: rmse_estimate(&outcome.accumulated),

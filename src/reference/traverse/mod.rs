@@ -1,6 +1,8 @@
 //! One method a file, as in shaders/traverse/. The loops have no limit here, so every ray is finished.
 
 pub mod brute;
+pub mod ordered;
+pub mod pair;
 pub mod stack;
 pub mod threaded;
 
@@ -13,6 +15,7 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
         Traversal::Brute => (brute::closest_hit(inputs, ray, hit), false),
         Traversal::Stack { size } => stack::closest_hit(inputs, ray, hit, size),
         Traversal::Threaded => (threaded::closest_hit(inputs, ray, hit), false),
+        _ => (ordered::closest_hit(inputs, ray, hit), false),
     }
 }
 
@@ -22,6 +25,7 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
         Traversal::Brute => (brute::any_hit(inputs, ray), false),
         Traversal::Stack { size } => stack::any_hit(inputs, ray, size),
         Traversal::Threaded => (threaded::any_hit(inputs, ray), false),
+        _ => (ordered::any_hit(inputs, ray), false),
     }
 }
 

@@ -3,7 +3,6 @@
 use super::{Frames, check, groups_of, range_of};
 use crate::error::Result;
 use crate::gl::{Buffer, BufferTarget, Clock, Context, Image, Program, TimerKind};
-use crate::kernels::find_kernel;
 use crate::layout::{self, Counters};
 use crate::render::choices::Accumulator;
 use crate::render::plan::Plan;
@@ -42,7 +41,7 @@ impl<'a> OpenGlFrames<'a> {
             buffer.bind(binding);
         }
         let frames = Self {
-            program: Program::new(context, find_kernel(&plan.kernel)?, &plan.constants)?,
+            program: Program::new(context, plan.kernel, &plan.constants)?,
             clock: Clock::new(context),
             seeds: storage(&[0; 16])?,
             range: uniform(bytemuck::bytes_of(&range_of(plan, 0)))?,

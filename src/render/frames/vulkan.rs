@@ -2,7 +2,6 @@
 
 use super::{Frames, check, groups_of, range_of};
 use crate::error::Result;
-use crate::kernels::find_kernel;
 use crate::layout::{self, Counters, Range};
 use crate::render::execute::{image_format, pixels_of};
 use crate::render::plan::Plan;
@@ -34,12 +33,7 @@ impl<'a> Stage<'a> {
         let counter_bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
         let format = image_format(plan).unwrap_or(crate::vk::ImageFormat::Rgba8);
         Ok(Self {
-            pipeline: Pipeline::new(
-                device,
-                find_kernel(&plan.kernel)?,
-                &plan.constants,
-                size_of::<Range>() as u32,
-            )?,
+            pipeline: Pipeline::new(device, plan.kernel, &plan.constants, size_of::<Range>() as u32)?,
             nodes: storage("nodes", &plan.node_bytes())?,
             triangles: storage("triangles", plan.triangle_bytes())?,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
