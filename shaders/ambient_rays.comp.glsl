@@ -1,5 +1,5 @@
-// One ambient ray (sample_begin) of each pixel whose camera ray hit, as a list; in place of the
-// others, rays that meet nothing.
+// Ambient rays as a list. LISTED: of the listed pixels, a block of samples after the other (passes: staged).
+// Otherwise one (sample_begin, `pcg`) of each pixel whose camera ray hit; in place of the others, rays that meet nothing.
 #include "shared/scene.glsl"
 #include "shared/arith.glsl"
 #include "shared/ray.glsl"
@@ -13,15 +13,53 @@ layout(local_size_x = WORKGROUP_SIZE) in;
 STORAGE_BLOCK(BINDING_RAYS) writeonly buffer RayBlock { RayRecord rays[]; };
 STORAGE_BLOCK(BINDING_HITS) readonly buffer HitBlock { HitRecord hits[]; };
 
+const RayRecord NO_RAY = RayRecord(vec3(0.0), -1.0, vec3(0.0, 0.0, 1.0), 0.0);
+
+Surface kept_surface(uint pixel) {
+    HitRecord record = hits[pixel - range.pixel_base];
+    Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
+    return surface_at(camera_ray(pixel_position(pixel)), hit);
+}
+
+#ifdef LISTED
+
+#include "shared/list.glsl"
+
+STORAGE_BLOCK(BINDING_SEEDS) readonly buffer SeedBlock { uint seeds[]; };
+
+void main() {
+    uint place = list_place();
+    RayRecord record = NO_RAY;
+    if (place < arguments.count) {
+        Listed entry = listed[place];
+        uint id = range.sample_begin + entry.skip + gl_WorkGroupID.z;
+        if (id < range.sample_end) {
+            uint lcg_state = 0u;
+            if (SAMPLER == SAMPLER_LCG) {
+                lcg_state = lcg_jump(seeds[entry.pixel - range.pixel_base], 2u * gl_WorkGroupID.z);
+            }
+            vec2 u = sample_numbers(entry.pixel, id, lcg_state);
+            Surface surface = kept_surface(entry.pixel);
+            Ray ray = ambient_ray(surface, u);
+            float weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
+            record = RayRecord(ray.origin, ray.t_max, ray.direction, weight);
+        }
+    }
+    // The last workgroup writes its whole width, so that no stale ray is left for the kernel that traces them.
+    rays[gl_WorkGroupID.z * range.stride + place] = record;
+}
+
+#else
+
 void main() {
     uint pixel = range.pixel_begin + gl_GlobalInvocationID.x;
     if (pixel >= range.pixel_end) return;
-    HitRecord record = hits[pixel - range.pixel_base];
-    Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0), -1.0);
-    if (record.index != NO_HIT) {
-        Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
-        Surface surface = surface_at(camera_ray(pixel_position(pixel)), hit);
-        ray = ambient_ray(surface, pcg_numbers(pixel, range.sample_begin));
+    RayRecord record = NO_RAY;
+    if (hits[pixel - range.pixel_base].index != NO_HIT) {
+        Ray ray = ambient_ray(kept_surface(pixel), pcg_numbers(pixel, range.sample_begin));
+        record = RayRecord(ray.origin, ray.t_max, ray.direction, 1.0);
     }
-    rays[pixel - range.pixel_base] = RayRecord(ray.origin, ray.t_max, ray.direction, 0u);
+    rays[pixel - range.pixel_base] = record;
 }
+
+#endif

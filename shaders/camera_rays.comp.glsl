@@ -13,5 +13,5 @@ void main() {
     ivec2 position = pixel_position(pixel);
     Ray ray = camera_ray(position);
     float t_max = inside_image(position) ? ray.t_max : -1.0;
-    rays[pixel - range.pixel_base] = RayRecord(ray.origin, t_max, ray.direction, 0u);
+    rays[pixel - range.pixel_begin] = RayRecord(ray.origin, t_max, ray.direction, 1.0);
 }

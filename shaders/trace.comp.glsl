@@ -1,4 +1,5 @@
-// A list of rays: closest hit (STAGE_CLOSEST) or any hit (STAGE_ANY) of each.
+// A list of rays: closest hit (STAGE_CLOSEST) or any hit (STAGE_ANY) of each; several blocks of them where the dispatch
+// is deep. The answer to a pixel's ray stands at that pixel's place.
 #define USES_CLOSEST
 #define USES_ANY
 #include "shared/scene.glsl"
@@ -17,7 +18,9 @@ bool waits;
 bool ray_overflowed;
 bool ray_finished;
 
-uint ray_index() { return range.pixel_begin + gl_GlobalInvocationID.x; }
+uint ray_index() { return gl_WorkGroupID.z * range.stride + gl_GlobalInvocationID.x; }
+
+uint answer_index() { return range.pixel_begin - range.pixel_base + ray_index(); }
 
 Ray listed_ray() {
     RayRecord record = rays[ray_index()];
@@ -25,7 +28,7 @@ Ray listed_ray() {
 }
 
 bool next_closest(out Ray ray, out Hit hit, out uint id) {
-    id = ray_index();
+    id = answer_index();
     bool more = waits;
     waits = false;
     ray = more ? listed_ray() : Ray(vec3(0.0), vec3(0.0), 0.0);
@@ -34,12 +37,12 @@ bool next_closest(out Ray ray, out Hit hit, out uint id) {
 }
 
 void retire_closest(uint id, Hit hit, bool finished) {
-    hits[id] = HitRecord(hit.t, hit.u, hit.v, hit.index);
+    hits[id] = HitRecord(hit.t, hit.u, hit.v, finished ? hit.index : UNFINISHED);
     ray_finished = finished;
 }
 
 bool next_any(out Ray ray, out bool occluded, out uint id) {
-    id = ray_index();
+    id = answer_index();
     bool more = waits;
     waits = false;
     ray = more ? listed_ray() : Ray(vec3(0.0), vec3(0.0), 0.0);
@@ -49,15 +52,17 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
 
 // Of an any hit nothing but its existence is known: index 0 or NO_HIT.
 void retire_any(uint id, bool occluded, bool finished) {
-    hits[id] = HitRecord(0.0, 0.0, 0.0, occluded ? 0u : NO_HIT);
+    hits[id] = HitRecord(0.0, 0.0, 0.0, finished ? (occluded ? 0u : NO_HIT) : UNFINISHED);
     ray_finished = finished;
 }
 
 #include "traverse"
 
 void main() {
-    bool works = ray_index() < range.pixel_end;
+    bool works = gl_GlobalInvocationID.x < range.pixel_end - range.pixel_begin;
     waits = works;
+    // What stands in the place of a ray that does not exist has an answer, but does not count.
+    bool counts = works && rays[ray_index()].t_max >= 0.0;
     ray_overflowed = false;
     ray_finished = false;
     bool closest = range.stage == STAGE_CLOSEST;
@@ -67,10 +72,13 @@ void main() {
         run_any();
     }
     Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
-    mine.primary_asked = works && closest ? 1u : 0u;
-    mine.primary_finished = ray_finished && closest ? 1u : 0u;
-    mine.ambient_asked = works && !closest ? 1u : 0u;
-    mine.ambient_finished = ray_finished && !closest ? 1u : 0u;
+    if (closest) {
+        mine.primary_asked = counts ? 1u : 0u;
+        mine.primary_finished = counts && ray_finished ? 1u : 0u;
+    } else {
+        mine.ambient_asked = counts ? 1u : 0u;
+        mine.ambient_finished = counts && ray_finished ? 1u : 0u;
+    }
     mine.overflowed = ray_overflowed ? 1u : 0u;
     report(mine);
 }

@@ -164,6 +164,40 @@ records! {
         pixel_base: uint,
         /// One of the `STAGE_` constants.
         stage: uint,
+        /// Samples of an invocation, where a pixel has several.
+        block: uint,
+        /// How far the elements of two blocks of one pixel are apart in the buffers that hold them.
+        stride: uint,
+        pad0: uint,
+        pad1: uint,
+    }
+    /// A pixel of the list of those whose camera ray hit and that have samples to do.
+    Listed {
+        pixel: uint,
+        /// Samples of the range that are done already.
+        skip: uint,
+        pad0: uint,
+        pad1: uint,
+    }
+    /// How long the list is, and the workgroups of the indirect dispatches over it: each block of samples, and
+    /// each pixel.
+    ListArguments {
+        blocks_x: uint,
+        blocks_y: uint,
+        blocks_z: uint,
+        count: uint,
+        pixels_x: uint,
+        pixels_y: uint,
+        pixels_z: uint,
+        pad0: uint,
+    }
+    /// What an invocation did of its block of a pixel's samples: the first `finished` of them.
+    Partial {
+        escaped0: uint,
+        escaped1: uint,
+        finished: uint,
+        /// Weights of the escaped rays.
+        sum: float,
     }
     /// Rays of a pixel that escaped and that were traced, for each of two halves with independent
     /// random numbers: sample i belongs to half i mod 2.
@@ -189,9 +223,11 @@ records! {
     /// A ray of a list.
     RayRecord {
         origin: vec3,
+        /// Negative where there is no ray.
         t_max: float,
         direction: vec3,
-        pad: uint,
+        /// What it counts if it escapes.
+        weight: float,
     }
     /// The answer to a ray: distance in units of its direction, barycentric coordinates of the second
     /// and third corner, and the place in the triangle array (`NO_HIT` where it escaped).
@@ -241,6 +277,10 @@ constants! {
     /// The range of a dispatch, where it is a uniform block (OpenGL).
     BINDING_RANGE = 10;
     BINDING_WORK = 11;
+    BINDING_LIST = 12;
+    BINDING_ARGUMENTS = 13;
+    BINDING_PARTIALS = 14;
+    BINDING_ANSWERS = 15;
 
     /// Specialization constants.
     SPEC_STACK_SIZE = 0;
@@ -279,4 +319,6 @@ constants! {
 
     /// No triangle.
     NO_HIT = 0xffff_ffff;
+    /// No answer: the ray did not come to its end.
+    UNFINISHED = 0xffff_fffe;
 }

@@ -18,16 +18,16 @@ fn all_agree(device: &Device, name: &str, triangles: Option<u64>, wishes: Wishes
     for decision in every_traversal(wishes, &geometry, device) {
         let plan = plan_decided(device, &scene, &geometry, job(&scene, SIZE, 0..8), &decision);
         let outcome = run(device, &plan);
-        assert_eq!(outcome.overflowed_rays, 0, "{}", plan.kernel.name);
-        assert_eq!(outcome.repeats, 0, "{}", plan.kernel.name);
+        assert_eq!(outcome.overflowed_rays, 0, "{}", plan.kernel().name);
+        assert_eq!(outcome.repeats, 0, "{}", plan.kernel().name);
         let rays = outcome.ambient_rays;
         match &first {
-            None => first = Some((plan.kernel.name, outcome.accumulated, rays)),
+            None => first = Some((plan.kernel().name, outcome.accumulated, rays)),
             Some((kernel, accumulated, expected)) => {
                 assert!(
                     *accumulated == outcome.accumulated,
                     "{name}: {kernel} and {} differ",
-                    plan.kernel.name
+                    plan.kernel().name
                 );
                 assert_eq!(*expected, rays);
             }

@@ -235,9 +235,9 @@ fn check_rays(
             .collect();
         match &first {
             Some((expected, expected_any)) => {
-                assert!(bits(expected) == bits(&closest), "closest hits differ with {}", plan.kernel.name);
+                assert!(bits(expected) == bits(&closest), "closest hits differ with {}", plan.kernel().name);
                 for ((_, expected), (_, found)) in expected_any.iter().zip(&any) {
-                    assert!(bits(expected) == bits(found), "any hits differ with {}", plan.kernel.name);
+                    assert!(bits(expected) == bits(found), "any hits differ with {}", plan.kernel().name);
                 }
             }
             None => {

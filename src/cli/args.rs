@@ -115,6 +115,14 @@ pub fn size(text: &str) -> std::result::Result<(u32, u32), String> {
         .ok_or_else(|| "give width and height in pixels, such as 1024x640".to_string())
 }
 
+/// A positive length.
+pub fn distance(text: &str) -> std::result::Result<f64, String> {
+    match text.parse() {
+        Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
+        _ => Err("give a positive length, such as 0.5".to_string()),
+    }
+}
+
 fn vector(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text).ok_or_else(|| "give three numbers, such as 0,1.5,-3".to_string())
 }

@@ -157,8 +157,14 @@ fn compare(
 ) -> Result<(Row, Images)> {
     let camera = arguments.camera.camera(scene, Preset::Original)?;
     let frames = arguments.frames.unwrap_or(if arguments.quick { 16 } else { 32 });
-    let job =
-        Job { camera, size: (size[0], size[1]), samples: 0..4 * frames, seed: arguments.seed, block: None };
+    let job = Job {
+        camera,
+        size: (size[0], size[1]),
+        samples: 0..4 * frames,
+        seed: arguments.seed,
+        max_distance: None,
+        block: None,
+    };
     let method = match form {
         Form::Fragment => Method::Brute,
         Form::Compute(method) => method,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::args::{CameraArguments, ChoiceArguments, size};
+use super::args::{CameraArguments, ChoiceArguments, distance, size};
 use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
@@ -41,6 +41,9 @@ pub struct Arguments {
     /// Seed of the random numbers: same seed, same picture
     #[arg(long, value_name = "N", default_value = "0")]
     seed: u32,
+    /// Bounded ambient occlusion: occluders farther away than this do not count, units of the file
+    #[arg(long, value_name = "D", value_parser = distance)]
+    max_distance: Option<f64>,
     /// Write linear bytes into a PNG instead of sRGB
     #[arg(long)]
     linear: bool,
@@ -146,8 +149,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
-    let job =
-        Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };
+    let job = Job {
+        camera,
+        size: arguments.size,
+        samples: 0..arguments.spp,
+        seed: arguments.seed,
+        max_distance: arguments.max_distance,
+        block: None,
+    };
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     let mut meter = Meter::new();
     let outcome = execute::run(&device, &plan, &mut |progress| meter.observe(progress))?;

@@ -22,7 +22,7 @@ impl Ray {
             origin: self.origin.to_array(),
             t_max: self.t_max,
             direction: self.direction.to_array(),
-            pad: 0,
+            weight: 1.0,
         }
     }
 }

@@ -6,14 +6,13 @@ use std::ops::Range as Span;
 use std::time::Instant;
 
 use super::choices::{Accumulator, Sampler};
+use super::passes::{self, Buffers, MOST_DISPATCHES, Recorder};
 use super::plan::Plan;
 use super::schedule::{Blocks, Pace, Scheduler, Work};
 use super::seeds::lcg_seeds;
 use super::tally::{Tally, Totals};
 use crate::error::{Error, Result};
-use crate::layout::{
-    self, Carry, Count, Counters, FRAME_SAMPLES, Range, STAGE_BOTH, STAGE_CLOSEST, WORKGROUP_SIZE,
-};
+use crate::layout::{self, Carry, Count, Counters, FRAME_SAMPLES, Range};
 use crate::vk::{
     Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard, Image, Pipeline,
 };
@@ -22,7 +21,8 @@ use crate::vk::{
 pub struct Inputs<'a> {
     pub device: &'a Device,
     pub plan: &'a Plan<'a>,
-    pub pipeline: &'a Pipeline,
+    /// Of the plan's kernels.
+    pub pipelines: &'a [Pipeline],
     pub nodes: &'a Buffer,
     pub triangles: &'a Buffer,
     pub frame: &'a Buffer,
@@ -37,6 +37,7 @@ pub struct Band<'a> {
     counts: Buffer,
     seeds: Buffer,
     carry: Buffer,
+    between: Buffers,
 }
 
 /// Where a submit counts what it does.
@@ -49,6 +50,8 @@ struct Slot {
 struct Flight<'a> {
     batch: Batch<'a>,
     ranges: Vec<Range>,
+    /// Camera rays that it must begin, if that is known.
+    camera_rays: Option<u64>,
     slot: &'a Slot,
 }
 
@@ -81,6 +84,7 @@ impl<'a> Band<'a> {
             counts: zeroed("counts", counts_rays(plan), size_of::<Count>())?,
             seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
             carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
+            between: Buffers::new(device, plan, pixels)?,
         })
     }
 
@@ -92,7 +96,7 @@ impl<'a> Band<'a> {
             if !counts_rays(self.inputs.plan) {
                 return Err(self.unfinished(missing, "a running mean cannot be taken up again"));
             }
-            if self.inputs.plan.brute() && in_parts {
+            if in_parts {
                 return Err(self.unfinished(missing, "a part of the triangles was not tested"));
             }
             let before = tally.totals.ambient_finished;
@@ -134,11 +138,12 @@ impl<'a> Band<'a> {
     /// Goes once over all samples that are not done yet; returns how many rays did not come to their end.
     /// `first`: no sample is done yet, so it is known how many camera rays there must be.
     fn pass(&self, tally: &mut Tally<'_>, first: bool) -> Result<u64> {
-        let Inputs { device, plan, pipeline, .. } = *self.inputs;
+        let Inputs { device, plan, pipelines, .. } = *self.inputs;
         let mut scheduler = self.scheduler(first);
         let slots: Vec<Slot> = (0..IN_FLIGHT).map(|_| Slot::new(device)).collect::<Result<_>>()?;
-        let kernels: Vec<BoundKernel<'_>> =
-            slots.iter().map(|slot| pipeline.bind(&self.bindings(slot))).collect::<Result<_>>()?;
+        let bind = |slot| self.between.bind(pipelines, &self.bindings(slot));
+        let kernels: Vec<Vec<BoundKernel<'_>>> = slots.iter().map(bind).collect::<Result<_>>()?;
+        let mut recorder = Recorder::new(plan, &self.between, self.pixel_hazards(), first);
         let mut in_flight: VecDeque<Flight<'_>> = VecDeque::new();
         let (mut submitted, mut missing) = (0, 0);
         let mut last_end = Instant::now();
@@ -150,15 +155,15 @@ impl<'a> Band<'a> {
                 }
                 let place = submitted % IN_FLIGHT;
                 submitted += 1;
-                in_flight.push_back(self.submit(&slots[place], &kernels[place], ranges)?);
+                in_flight.push_back(self.submit(&slots[place], &kernels[place], &mut recorder, ranges)?);
             }
-            let Some(Flight { batch, ranges, slot }) = in_flight.pop_front() else { break };
+            let Some(Flight { batch, ranges, camera_rays, slot }) = in_flight.pop_front() else { break };
             let finished = batch.wait()?;
             let wall_ms = last_end.elapsed().as_secs_f64() * 1e3;
             last_end = Instant::now();
             let totals = Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(slot.readback.mapped()?));
-            if first {
-                check_camera_rays(plan, &ranges, &totals)?;
+            if let Some(asked) = camera_rays {
+                check_camera_rays(asked, &totals)?;
             }
             let rays = totals.primary_finished + totals.ambient_finished;
             scheduler.measured(&ranges, rays, device_ms(&finished).unwrap_or(wall_ms));
@@ -178,6 +183,7 @@ impl<'a> Band<'a> {
             triangles: plan.frame.triangle_count,
             brute: plan.brute(),
             blocks: if counts_rays(plan) { Blocks::Free } else { Blocks::Frames(FRAME_SAMPLES) },
+            room: passes::room(plan, self.inputs.device.adapter().kind),
         };
         let scheduler = Scheduler::new(work, self.inputs.pace);
         match plan.job.block {
@@ -208,40 +214,28 @@ impl<'a> Band<'a> {
     fn submit<'b>(
         &'b self,
         slot: &'b Slot,
-        kernel: &'b BoundKernel<'b>,
+        kernels: &'b [BoundKernel<'b>],
+        recorder: &mut Recorder<'b>,
         ranges: Vec<Range>,
     ) -> Result<Flight<'b>> {
-        let mut batch = Batch::new(self.inputs.device, ranges.len() as u32)?;
+        let mut batch = Batch::new(self.inputs.device, (ranges.len() * MOST_DISPATCHES) as u32)?;
         batch.fill(&slot.counters, 0);
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
-        // Pixels up to here may still be worked on, by this submit or the one before.
-        let mut busy_to = self.pixels.end;
-        for range in &ranges {
-            if range.pixel_begin < busy_to {
-                batch.barrier(&self.pixel_hazards());
-                busy_to = range.pixel_begin;
-            }
-            busy_to = busy_to.max(range.pixel_end);
-            let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
-            batch.dispatch(kernel, bytemuck::bytes_of(range), groups, kernel.name());
-        }
+        let camera_rays = ranges.iter().map(|range| recorder.record(&mut batch, kernels, range)).sum();
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::ShaderWrite, Access::TransferRead)]);
         batch.copy(&slot.counters, &slot.readback, 0, slot.counters.bytes());
         batch.barrier(&[Hazard::Buffer(&slot.readback, Access::TransferWrite, Access::HostRead)]);
         batch.submit()?;
-        Ok(Flight { batch, ranges, slot })
+        Ok(Flight { batch, ranges, camera_rays, slot })
     }
 
     /// What the kernels keep for each pixel: written by one dispatch, read by the next.
     fn pixel_hazards(&self) -> Vec<Hazard<'_>> {
         let plan = self.inputs.plan;
         let again = |buffer| Hazard::Buffer(buffer, Access::ShaderWrite, Access::ShaderWrite);
-        let mut hazards = Vec::new();
+        let mut hazards = vec![again(&self.seeds)];
         if counts_rays(plan) {
             hazards.push(again(&self.counts));
-        }
-        if plan.settings.sampler == Sampler::Lcg {
-            hazards.push(again(&self.seeds));
         }
         if plan.brute() {
             hazards.push(again(&self.carry));
@@ -269,17 +263,8 @@ fn device_ms(finished: &Finished) -> Option<f64> {
     finished.timings.iter().map(|timing| timing.gpu_ms).sum()
 }
 
-/// The device must have begun a camera ray for each pixel of each range.
-fn check_camera_rays(plan: &Plan<'_>, ranges: &[Range], totals: &Totals) -> Result<()> {
-    let starts_rays = |range: &&Range| {
-        range.stage == STAGE_BOTH
-            || range.stage == STAGE_CLOSEST && range.triangle_end == plan.frame.triangle_count
-    };
-    let asked: u64 = ranges
-        .iter()
-        .filter(starts_rays)
-        .map(|range| plan.tiles.inside(range.pixel_begin, range.pixel_end))
-        .sum();
+/// The device must have begun a camera ray for each pixel.
+fn check_camera_rays(asked: u64, totals: &Totals) -> Result<()> {
     if asked == totals.primary_asked {
         return Ok(());
     }

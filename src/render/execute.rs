@@ -1,13 +1,13 @@
 //! Runs a plan on a Vulkan device.
 
 use super::band::{Band, Inputs};
-use super::choices::Accumulator;
+use super::choices::{Accumulator, Passes};
 use super::picture::Accumulated;
 use super::plan::Plan;
 use super::schedule::Pace;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::layout::{self, Carry, Count, Range};
+use crate::layout::{self, Carry, Count, Range, RayRecord};
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline};
 
 /// What came of a render.
@@ -31,17 +31,21 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
     let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
     let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
     let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
-    let pipeline = Pipeline::new(device, plan.kernel, &plan.constants, size_of::<Range>() as u32)?;
+    let pipelines = plan
+        .kernels
+        .iter()
+        .map(|kernel| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32))
+        .collect::<Result<Vec<_>>>()?;
     let image = new_image(device, plan)?;
     let inputs = Inputs {
         device,
         plan,
-        pipeline: &pipeline,
+        pipelines: &pipelines,
         nodes: &nodes,
         triangles: &triangles,
         frame: &frame,
         image: image.as_ref(),
-        pace: pace(device),
+        pace: pace(device, plan),
     };
     let mut tally = Tally::new(plan, observe);
     let mut counts: Vec<Count> = Vec::new();
@@ -96,7 +100,11 @@ pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
 /// Pixel ranges whose buffers a descriptor can show whole.
 fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
     let group = u64::from(layout::WORKGROUP_SIZE);
-    let largest_record = if plan.brute() { size_of::<Carry>() } else { size_of::<Count>() } as u64;
+    let largest_record = match plan.settings.passes {
+        Passes::Staged => size_of::<RayRecord>(),
+        _ if plan.brute() => size_of::<Carry>(),
+        _ => size_of::<Count>(),
+    } as u64;
     let pixels = device.adapter().limits.storage_buffer_bytes / largest_record / group * group;
     let all = plan.tiles.padded_pixels();
     let mut bands = Vec::new();
@@ -112,13 +120,15 @@ fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
 
 /// What a device is expected to do before it was measured: for GPUs that may be integrated, slow enough to stay
 /// far from the two seconds after which drivers give up.
-fn pace(device: &Device) -> Pace {
+fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
     let adapter = device.adapter();
     let (rays_per_ms, dispatch_ms, submit_ms, samples) = match adapter.kind {
         DeviceKind::Discrete => (4e5, 100.0, 200.0, 16),
         DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16),
         DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024),
     };
+    // Where the work of a pixel is spread over many invocations, no long pixel holds up a dispatch.
+    let samples = if plan.settings.passes == Passes::Single { samples } else { 1024 };
     let limits = &adapter.limits;
     Pace {
         rays_per_ms,

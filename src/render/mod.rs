@@ -6,6 +6,7 @@ pub mod choices;
 pub mod execute;
 pub mod frames;
 pub mod geometry;
+pub mod passes;
 pub mod picture;
 pub mod plan;
 pub mod raylist;

@@ -1,13 +1,13 @@
 //! What a render does, before any device is touched: kernel, constants, frame, work.
 
 use crate::error::{Error, Result};
-use crate::kernels::{Kernel, find_kernel};
+use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::layout::{self, Frame};
 use crate::pack;
 use crate::render::auto::{Accessor, Decision};
-use crate::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Settings, Slabs};
+use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs};
 use crate::render::geometry::Geometry;
-use crate::render::schedule::brute_frame_limit;
+use crate::render::schedule::{brute_frame_limit, brute_part};
 use crate::render::tiles::Tiles;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, RayModel};
@@ -22,6 +22,8 @@ pub struct Job {
     /// Ambient rays of each pixel: samples `begin` to `end` of its sequence.
     pub samples: std::ops::Range<u32>,
     pub seed: u32,
+    /// Occluders farther away than this do not count; units of the file.
+    pub max_distance: Option<f64>,
     /// Samples of a dispatch, where the scheduler should not choose (tests).
     pub block: Option<u32>,
 }
@@ -32,8 +34,8 @@ pub struct Plan<'a> {
     pub settings: Settings,
     pub tiles: Tiles,
     pub frame: Frame,
-    /// The row of `kernels.txt`.
-    pub kernel: &'static Kernel,
+    /// Rows of `kernels.txt`, in the order of [`Passes`]' steps.
+    pub kernels: Vec<&'static Kernel>,
     /// Specialization constants: (id, value).
     pub constants: Vec<(u32, u32)>,
     pub texels: bool,
@@ -68,7 +70,7 @@ impl<'a> Plan<'a> {
         let original = settings.preset == Preset::Original;
         let bound = geometry.stack_bound_of(settings.method);
         let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { bound.max(1) };
-        let kernel = find_kernel(&kernel_name(&settings, decision.accessor))?;
+        let kernels = kernels_of(&settings, decision.accessor)?;
         let tiles = Tiles { width: job.size.0, height: job.size.1 };
         let frame = frame(&job, &settings, scene, geometry);
         if !original {
@@ -77,7 +79,7 @@ impl<'a> Plan<'a> {
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
             frame,
-            kernel,
+            kernels,
             constants: vec![
                 (layout::SPEC_STACK_SIZE, stack_entries),
                 (layout::SPEC_STACK_ROOM, stack_entries.max(SHORTEST_STACK_ARRAY)),
@@ -112,7 +114,18 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
-        pack::node_bytes(self.kernel.nodes, &self.geometry.tree, self.node_pad())
+        pack::node_bytes(self.node_layout(), &self.geometry.tree, self.node_pad())
+    }
+
+    /// How the kernels that traverse want the tree.
+    pub fn node_layout(&self) -> NodeLayout {
+        let layouts = self.kernels.iter().map(|kernel| kernel.nodes);
+        layouts.into_iter().find(|layout| *layout != NodeLayout::None).unwrap_or(NodeLayout::None)
+    }
+
+    /// The kernel that a single pass consists of.
+    pub fn kernel(&self) -> &'static Kernel {
+        self.kernels[0]
     }
 
     /// Entries that a ray's stack can need; 0 without a stack.
@@ -126,7 +139,7 @@ impl<'a> Plan<'a> {
     }
 
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
-        let node_bytes = pack::node_array_bytes(self.kernel.nodes, &self.geometry.tree);
+        let node_bytes = pack::node_array_bytes(self.node_layout(), &self.geometry.tree);
         let triangle_bytes = self.triangle_bytes().len() as u64;
         let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
         let largest = node_bytes.max(triangle_bytes);
@@ -166,16 +179,25 @@ fn check_frame(frame: &Frame) -> Result<()> {
     Ok(())
 }
 
-/// A running mean takes its frames whole, so a frame's rays must fit one dispatch.
+/// A running mean takes its frames whole, and kept hits are found whole, so those rays must fit one dispatch.
 fn check_brute(settings: &Settings, frame: &Frame, limits: &Limits) -> Result<()> {
+    if settings.method != Method::Brute {
+        return Ok(());
+    }
+    let refuse = |what: &str, most: u32, choose: &str| {
+        Err(Error::usage(format!(
+            "brute with {what} tests {} triangles for each ray, and this device takes {most} in one dispatch: choose \
+             {choose} or another --method.",
+            frame.triangle_count
+        )))
+    };
     let most = brute_frame_limit(limits.loop_iterations);
-    let means = settings.accumulator != Accumulator::Count;
-    if settings.method == Method::Brute && means && frame.triangle_count > most {
-        return Err(Error::usage(format!(
-            "brute with {} tests {} triangles for each ray of a frame, and this device takes {most} in one dispatch: \
-             choose --accumulator count or another --method.",
-            settings.accumulator, frame.triangle_count
-        )));
+    if settings.accumulator != Accumulator::Count && frame.triangle_count > most {
+        return refuse(settings.accumulator.name(), most, "--accumulator count");
+    }
+    let most = brute_part(limits.loop_iterations);
+    if settings.passes != Passes::Single && frame.triangle_count > most {
+        return refuse(settings.passes.name(), most, "--passes single");
     }
     Ok(())
 }
@@ -211,11 +233,33 @@ fn sampler_code(sampler: Sampler) -> u32 {
     }
 }
 
-/// The row of `kernels.txt` for these choices.
-fn kernel_name(settings: &Settings, accessor: Accessor) -> String {
+/// The file in shaders/traverse/ and node layout of these choices, as in the names of kernels.
+pub fn traversal_name(settings: &Settings) -> &'static str {
     let of_original = settings.preset == Preset::Original && settings.method == Method::Threaded;
-    let traverse = if of_original { "threaded48" } else { settings.method.family() };
-    format!("ambient/{traverse}/{}/{}", settings.accumulator, accessor.name())
+    if of_original { "threaded48" } else { settings.method.family() }
+}
+
+/// The rows of `kernels.txt` for these choices, in the order of the steps that `passes.rs` records.
+fn kernels_of(settings: &Settings, accessor: Accessor) -> Result<Vec<&'static Kernel>> {
+    let (traversal, sum, accessor) = (traversal_name(settings), settings.accumulator, accessor.name());
+    let names = match settings.passes {
+        Passes::Single => vec![format!("ambient/{traversal}/{sum}/{accessor}")],
+        Passes::Split => vec![
+            format!("primary/{traversal}/{accessor}"),
+            format!("list/{sum}"),
+            format!("ambient_list/{traversal}/{accessor}"),
+            format!("resolve/{sum}"),
+        ],
+        Passes::Staged => vec![
+            "rays/camera".into(),
+            format!("trace/{traversal}/{accessor}"),
+            format!("list/{sum}"),
+            format!("rays/listed/{accessor}"),
+            format!("trace/{traversal}/{accessor}"),
+            format!("resolve/answers/{sum}"),
+        ],
+    };
+    names.iter().map(|name| find_kernel(name)).collect()
 }
 
 fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> Frame {
@@ -239,6 +283,11 @@ pub fn frame_of(
         Offset::Fixed => FIXED_OFFSET,
         Offset::Scaled => SCALED_OFFSET * scene.bounds.diagonal(),
     };
+    let longest = match job.max_distance {
+        Some(distance) if original => Some(distance.min(ORIGINAL_LIMIT)),
+        None if original => Some(ORIGINAL_LIMIT),
+        distance => distance,
+    };
     let vector = |v: glam::DVec3| v.as_vec3().to_array();
     Frame {
         origin: vector(rays.origin[0]),
@@ -250,7 +299,7 @@ pub fn frame_of(
         direction: vector(rays.direction[0]),
         offset: placement.length(offset) as f32,
         direction_dx: vector(rays.direction[1]),
-        ambient_t_max: if original { placement.length(ORIGINAL_LIMIT) as f32 } else { f32::MAX },
+        ambient_t_max: longest.map_or(f32::MAX, |longest| placement.length(longest) as f32),
         direction_dy: vector(rays.direction[2]),
         seed: job.seed,
         node_count: geometry.tree.nodes.len() as u32,

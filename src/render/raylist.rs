@@ -1,6 +1,6 @@
 //! Lists of rays on a Vulkan device: the rays that a plan would trace, and what they hit.
 
-use super::plan::Plan;
+use super::plan::{Plan, traversal_name};
 use super::tally::Totals;
 use crate::error::{Error, Result};
 use crate::kernels::find_kernel;
@@ -45,7 +45,7 @@ impl<'a> RayLists<'a> {
 
     /// What each ray hits. Fails if a ray does not come to its end.
     pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
-        let kernel = format!("trace/{}/{}", self.plan.settings.method.family(), self.plan.accessor_name());
+        let kernel = format!("trace/{}/{}", traversal_name(&self.plan.settings), self.plan.accessor_name());
         let mut hits = Vec::with_capacity(rays.len());
         for piece in rays.chunks(MOST_RAYS) {
             let rays =
@@ -56,11 +56,11 @@ impl<'a> RayLists<'a> {
             let range = self.range(piece.len() as u32, 0, stage);
             let totals = self.dispatch(&kernel, &rays, &found, range)?;
             let finished = totals.primary_finished + totals.ambient_finished;
-            if finished != piece.len() as u64 {
+            let asked = piece.iter().filter(|ray| ray.t_max >= 0.0).count() as u64;
+            if finished != asked {
                 return Err(Error::device(format!(
-                    "{} rays of {} did not come to their end with {kernel}: choose another --method or device.",
-                    piece.len() as u64 - finished,
-                    piece.len()
+                    "{} rays of {asked} did not come to their end with {kernel}: choose another --method or device.",
+                    asked - finished,
                 )));
             }
             hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
@@ -121,7 +121,7 @@ impl<'a> RayLists<'a> {
         batch.fill(&counters, 0);
         batch.barrier(&[Hazard::Buffer(&counters, Access::TransferWrite, Access::ShaderWrite)]);
         let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
-        batch.dispatch(&bound, bytemuck::bytes_of(&range), groups, kernel.name);
+        batch.dispatch(&bound, bytemuck::bytes_of(&range), [groups, 1, 1], kernel.name);
         batch.submit()?;
         batch.wait()?;
         Ok(Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(&counters.read(self.device)?)))

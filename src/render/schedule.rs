@@ -44,6 +44,8 @@ pub struct Work {
     /// Every ray tests every triangle (and can be stopped between two).
     pub brute: bool,
     pub blocks: Blocks,
+    /// Most pixels times samples of a range, where buffers hold something for each.
+    pub room: Option<u64>,
 }
 
 /// Most triangles of a dispatch, so that one ray cannot hold up a device for long.
@@ -60,6 +62,11 @@ fn budget_of(loop_iterations: Option<u32>) -> Option<u32> {
 pub fn brute_frame_limit(loop_iterations: Option<u32>) -> u32 {
     let budget = budget_of(loop_iterations).map_or(MOST_PART, |budget| budget / (FRAME_SAMPLES + 1));
     budget.min(MOST_PART).saturating_sub(2)
+}
+
+/// Triangles of a dispatch in which `brute` tests a part of them, or all.
+pub fn brute_part(loop_iterations: Option<u32>) -> u32 {
+    budget_of(loop_iterations).map_or(MOST_PART, |budget| budget / 2).min(MOST_PART)
 }
 
 /// Hands out the ranges of a [`Work`].
@@ -84,9 +91,12 @@ impl Scheduler {
         let block = budget
             .map_or(u32::MAX, |budget| (budget / steps_of_ray).saturating_sub(1))
             .clamp(1, pace.samples);
+        let block = work.room.map_or(block, |room| {
+            let fit = room / u64::from(WORKGROUP_SIZE);
+            block.min(u32::try_from(fit).unwrap_or(u32::MAX)).max(1)
+        });
         let part = if work.brute && work.blocks == Blocks::Free {
-            let two_rays = budget.map_or(MOST_PART, |budget| budget / 2);
-            two_rays.min(MOST_PART)
+            brute_part(pace.loop_iterations)
         } else {
             u32::MAX
         };
@@ -173,6 +183,13 @@ impl Scheduler {
         };
         let wanted = self.rays_per_ms * self.pace.dispatch_ms / per_pixel / f64::from(WORKGROUP_SIZE);
         let groups = (wanted as u32).clamp(1, self.pace.workgroups);
+        let groups = match self.work.room {
+            None => groups,
+            Some(room) => {
+                let fit = room / (u64::from(samples.end - samples.start) * u64::from(WORKGROUP_SIZE));
+                groups.min(u32::try_from(fit).unwrap_or(u32::MAX)).max(1)
+            }
+        };
         let begin = self.next_pixel;
         let end = begin.saturating_add(groups.saturating_mul(WORKGROUP_SIZE)).min(self.work.pixel_end);
         let whole = Range {
@@ -184,6 +201,7 @@ impl Scheduler {
             triangle_end: self.work.triangles,
             pixel_base: self.work.pixel_begin,
             stage: STAGE_BOTH,
+            ..Range::default()
         };
         if self.work.triangles <= self.part {
             self.ready.push_back(whole);
@@ -243,6 +261,7 @@ mod tests {
             triangles,
             brute,
             blocks,
+            room: None,
         }
     }
 

@@ -38,6 +38,8 @@ pub struct RenderRecord {
     pub slabs: &'static str,
     pub camera: Camera,
     pub seed: u32,
+    /// Bound of the ambient rays, units of the file.
+    pub max_distance: Option<f64>,
     pub kernels: Vec<KernelTime>,
     pub primary_rays: u64,
     pub ambient_rays: u64,
@@ -90,6 +92,7 @@ impl RenderRecord {
             slabs: settings.slabs.name(),
             camera: plan.job.camera,
             seed: plan.job.seed,
+            max_distance: plan.job.max_distance,
             kernels: outcome.kernels.clone(),
             primary_rays: outcome.primary_rays,
             ambient_rays: outcome.ambient_rays,

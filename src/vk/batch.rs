@@ -16,6 +16,8 @@ use crate::error::Result;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     HostRead,
+    /// The sizes of an indirect dispatch.
+    IndirectRead,
     TransferRead,
     TransferWrite,
     ShaderRead,
@@ -28,6 +30,7 @@ impl Access {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
         match self {
             Self::HostRead => (S::HOST, A::HOST_READ),
+            Self::IndirectRead => (S::DRAW_INDIRECT, A::INDIRECT_COMMAND_READ),
             Self::TransferRead => (S::TRANSFER, A::TRANSFER_READ),
             Self::TransferWrite => (S::TRANSFER, A::TRANSFER_WRITE),
             Self::ShaderRead => (S::COMPUTE_SHADER, A::SHADER_READ),
@@ -118,7 +121,36 @@ impl<'a> Batch<'a> {
     }
 
     /// Runs a kernel on `groups` workgroups, between two timestamps.
-    pub fn dispatch(&mut self, kernel: &'a BoundKernel<'_>, push: &[u8], groups: u32, label: &str) {
+    pub fn dispatch(&mut self, kernel: &'a BoundKernel<'_>, push: &[u8], groups: [u32; 3], label: &str) {
+        self.timed_dispatch(kernel, push, label, |raw, commands| {
+            let [x, y, z] = groups;
+            // SAFETY: the command buffer is recording, with pipeline and descriptors bound.
+            unsafe { raw.cmd_dispatch(commands, x, y, z) }
+        });
+    }
+
+    /// The same on as many workgroups as three words of `sizes` at `offset` say when it comes to that.
+    pub fn dispatch_indirect(
+        &mut self,
+        kernel: &'a BoundKernel<'_>,
+        push: &[u8],
+        sizes: &'a Buffer,
+        offset: u64,
+        label: &str,
+    ) {
+        self.timed_dispatch(kernel, push, label, |raw, commands| {
+            // SAFETY: as above; the buffer was made for it and holds three words at the offset.
+            unsafe { raw.cmd_dispatch_indirect(commands, sizes.raw, offset) }
+        });
+    }
+
+    fn timed_dispatch(
+        &mut self,
+        kernel: &'a BoundKernel<'_>,
+        push: &[u8],
+        label: &str,
+        dispatch: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) {
         let raw = &self.device.raw;
         let first = 2 * self.labels.len() as u32;
         let timed = first < 2 * self.capacity;
@@ -135,7 +167,7 @@ impl<'a> Batch<'a> {
             if timed {
                 raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first);
             }
-            raw.cmd_dispatch(self.commands, groups, 1, 1);
+            dispatch(raw, self.commands);
             if timed {
                 raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first + 1);
             }

@@ -16,6 +16,8 @@ use crate::error::{Error, Result};
 pub enum BufferUse {
     /// Read and written by kernels.
     Storage,
+    /// The same, and read as the sizes of indirect dispatches.
+    Indirect,
     /// Read by kernels through a view of 16-byte texels.
     Texels,
     /// A small block of constants that the host writes.
@@ -44,6 +46,10 @@ impl Buffer {
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (flags, location) = match usage {
             BufferUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly),
+            BufferUse::Indirect => {
+                let both = vk::BufferUsageFlags::INDIRECT_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
+                (both | transfer, MemoryLocation::GpuOnly)
+            }
             BufferUse::Texels => {
                 let both = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
                 (both | transfer, MemoryLocation::GpuOnly)

@@ -59,7 +59,7 @@ pub fn scene_from(mesh: Mesh, report: obj::Report) -> Scene {
 
 /// A job of this size and these samples with the scene's default camera.
 pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Job {
-    Job { camera: Camera::default_for(&scene.path), size, samples, seed: 7, block: None }
+    Job { camera: Camera::default_for(&scene.path), size, samples, seed: 7, max_distance: None, block: None }
 }
 
 pub fn geometry(scene: &Scene, preset: Preset) -> Geometry {

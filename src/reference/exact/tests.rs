@@ -10,7 +10,7 @@ fn right_angle() -> Triangle {
 }
 
 fn down(x: f32, y: f32, t_max: f32) -> RayRecord {
-    RayRecord { origin: [x, y, 2.0], t_max, direction: [0.0, 0.0, -1.0], pad: 0 }
+    RayRecord { origin: [x, y, 2.0], t_max, direction: [0.0, 0.0, -1.0], weight: 0.0 }
 }
 
 /// The same to (x, y, 0), but slanted, so that nothing is exactly zero.

@@ -29,8 +29,8 @@ fn range_of(plan: &Plan<'_>, number: u32) -> Range {
         sample_end: (number + 1) * FRAME_SAMPLES,
         triangle_begin: 0,
         triangle_end: plan.frame.triangle_count,
-        pixel_base: 0,
         stage: STAGE_BOTH,
+        ..Range::default()
     }
 }
 

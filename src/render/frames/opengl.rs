@@ -41,7 +41,7 @@ impl<'a> OpenGlFrames<'a> {
             buffer.bind(binding);
         }
         let frames = Self {
-            program: Program::new(context, plan.kernel, &plan.constants)?,
+            program: Program::new(context, plan.kernel(), &plan.constants)?,
             clock: Clock::new(context),
             seeds: storage(&[0; 16])?,
             range: uniform(bytemuck::bytes_of(&range_of(plan, 0)))?,

@@ -33,7 +33,7 @@ impl<'a> Stage<'a> {
         let counter_bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
         let format = image_format(plan).unwrap_or(crate::vk::ImageFormat::Rgba8);
         Ok(Self {
-            pipeline: Pipeline::new(device, plan.kernel, &plan.constants, size_of::<Range>() as u32)?,
+            pipeline: Pipeline::new(device, plan.kernel(), &plan.constants, size_of::<Range>() as u32)?,
             nodes: storage("nodes", &plan.node_bytes())?,
             triangles: storage("triangles", plan.triangle_bytes())?,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
@@ -83,7 +83,12 @@ impl Frames for VulkanFrames<'_> {
             Hazard::Image(&self.stage.image, Access::ShaderWrite, Access::ShaderWrite),
         ]);
         let start = std::time::Instant::now();
-        batch.dispatch(&self.kernel, bytemuck::bytes_of(&range_of(plan, number)), groups, self.kernel.name());
+        batch.dispatch(
+            &self.kernel,
+            bytemuck::bytes_of(&range_of(plan, number)),
+            [groups, 1, 1],
+            self.kernel.name(),
+        );
         batch.submit()?;
         let finished = batch.wait()?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;

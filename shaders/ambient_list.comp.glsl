@@ -1,0 +1,94 @@
+// Ambient rays of the listed pixels: an invocation takes a block of one pixel's samples and writes what came of it
+// where no other writes. (passes: split)
+#define USES_ANY
+#include "shared/scene.glsl"
+#include "shared/arith.glsl"
+#include "shared/ray.glsl"
+#include "shared/camera.glsl"
+#include "shared/slabs.glsl"
+#include "shared/intersect.glsl"
+#include "shared/rng.glsl"
+#include "shared/sampling.glsl"
+#include "shared/surface.glsl"
+#include "shared/counters.glsl"
+#include "shared/list.glsl"
+
+layout(local_size_x = WORKGROUP_SIZE) in;
+
+STORAGE_BLOCK(BINDING_HITS) readonly buffer HitBlock { HitRecord hits[]; };
+STORAGE_BLOCK(BINDING_SEEDS) readonly buffer SeedBlock { uint seeds[]; };
+STORAGE_BLOCK(BINDING_PARTIALS) writeonly buffer PartialBlock { Partial partials[]; };
+
+uint pixel;
+Surface surface;
+uint lcg_state;
+uint sample_next;
+uint sample_end;
+float sample_weight;
+uvec2 escaped;
+uint finished_samples;
+float sum;
+bool ray_overflowed;
+uint overflowed;
+
+bool next_any(out Ray ray, out bool occluded, out uint id) {
+    id = sample_next;
+    ray = Ray(vec3(0.0), vec3(0.0), 0.0);
+    occluded = false;
+    ray_overflowed = false;
+    bool more = sample_next < sample_end;
+    if (more) {
+        sample_next++;
+        vec2 u = sample_numbers(pixel, id, lcg_state);
+        ray = ambient_ray(surface, u);
+        sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
+    }
+    return more;
+}
+
+// An unfinished ray ends the block: what it has is kept, the rest is for another dispatch.
+void retire_any(uint id, bool occluded, bool finished) {
+    if (ray_overflowed) overflowed++;
+    if (!finished) {
+        sample_end = id;
+        return;
+    }
+    finished_samples++;
+    if (!occluded) {
+        escaped[id & 1u]++;
+        sum += sample_weight;
+    }
+}
+
+#include "traverse"
+
+void main() {
+    uint place = list_place();
+    bool works = place < arguments.count;
+    escaped = uvec2(0u);
+    finished_samples = 0u;
+    sum = 0.0;
+    overflowed = 0u;
+    lcg_state = 0u;
+    sample_next = 0u;
+    sample_end = 0u;
+    if (works) {
+        Listed entry = listed[place];
+        pixel = entry.pixel;
+        uint skipped = gl_WorkGroupID.z * range.block;
+        sample_next = range.sample_begin + entry.skip + skipped;
+        sample_end = min(sample_next + range.block, range.sample_end);
+        if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
+        HitRecord record = hits[pixel - range.pixel_base];
+        Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
+        surface = surface_at(camera_ray(pixel_position(pixel)), hit);
+    }
+    run_any();
+    if (works) {
+        partials[gl_WorkGroupID.z * range.stride + place] =
+            Partial(escaped.x, escaped.y, finished_samples, sum);
+    }
+    Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
+    mine.overflowed = overflowed;
+    report(mine);
+}
