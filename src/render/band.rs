@@ -223,7 +223,7 @@ impl<'a> Band<'a> {
             }
             busy_to = busy_to.max(range.pixel_end);
             let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
-            batch.dispatch(kernel, bytemuck::bytes_of(range), groups, kernel.name());
+            batch.dispatch(kernel, bytemuck::bytes_of(range), [groups, 1, 1], kernel.name());
         }
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::ShaderWrite, Access::TransferRead)]);
         batch.copy(&slot.counters, &slot.readback, 0, slot.counters.bytes());

@@ -121,7 +121,7 @@ impl<'a> RayLists<'a> {
         batch.fill(&counters, 0);
         batch.barrier(&[Hazard::Buffer(&counters, Access::TransferWrite, Access::ShaderWrite)]);
         let groups = (range.pixel_end - range.pixel_begin).div_ceil(WORKGROUP_SIZE);
-        batch.dispatch(&bound, bytemuck::bytes_of(&range), groups, kernel.name);
+        batch.dispatch(&bound, bytemuck::bytes_of(&range), [groups, 1, 1], kernel.name);
         batch.submit()?;
         batch.wait()?;
         Ok(Totals::of(&bytemuck::pod_collect_to_vec::<u8, Counters>(&counters.read(self.device)?)))

@@ -89,7 +89,8 @@ impl Frames for VulkanFrames<'_> {
             Hazard::Image(&self.stage.image, Access::ShaderWrite, Access::ShaderWrite),
         ]);
         let start = std::time::Instant::now();
-        batch.dispatch(&self.kernel, bytemuck::bytes_of(&range_of(plan, number)), groups, self.kernel.name());
+        let range = range_of(plan, number);
+        batch.dispatch(&self.kernel, bytemuck::bytes_of(&range), [groups, 1, 1], self.kernel.name());
         batch.submit()?;
         let finished = batch.wait()?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
