@@ -43,7 +43,8 @@ fn records_are_unpacked_bit_for_bit() {
                     .unwrap();
                 let range = Range { pixel_end: count, stage: kind as u32, ..Range::default() };
                 let mut batch = Batch::new(device, 1).unwrap();
-                batch.dispatch(&bound, bytemuck::bytes_of(&range), [count.div_ceil(64), 1, 1], record.name);
+                let groups = [count.div_ceil(64), 1, 1];
+                batch.dispatch(&bound, bytemuck::bytes_of(&range), groups, record.name);
                 batch.submit().unwrap();
                 batch.wait().unwrap();
                 let copied: Vec<u32> = bytemuck::pod_collect_to_vec(&to.read(device).unwrap());

@@ -25,7 +25,7 @@ pub fn table(adapters: &[Adapter]) -> String {
             adapter.name.clone(),
             adapter.kind.name().to_string(),
             format!("{major}.{minor}.{patch}"),
-            adapter.subgroup_size.to_string(),
+            format!("{}: {}", adapter.subgroup.size, adapter.subgroup.operations().join(" ")),
             format!("{:.1} GB", adapter.memory_bytes as f64 / 1e9),
             adapter
                 .timestamps

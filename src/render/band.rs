@@ -6,33 +6,19 @@ use std::ops::Range as Span;
 use std::time::Instant;
 
 use super::choices::{Accumulator, Sampler};
-use super::passes::{self, Buffers, MOST_DISPATCHES, Recorder};
+use super::passes::{Buffers, MOST_DISPATCHES, Recorder};
 use super::plan::Plan;
-use super::schedule::{Blocks, Pace, Scheduler, Work};
+use super::schedule::{Blocks, Scheduler, Work};
 use super::seeds::lcg_seeds;
+use super::stage::Stage;
 use super::tally::{Tally, Totals};
 use crate::error::{Error, Result};
 use crate::layout::{self, Carry, Count, Counters, FRAME_SAMPLES, Range};
-use crate::vk::{
-    Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard, Image, Pipeline,
-};
-
-/// What all bands share.
-pub struct Inputs<'a> {
-    pub device: &'a Device,
-    pub plan: &'a Plan<'a>,
-    /// Of the plan's kernels.
-    pub pipelines: &'a [Pipeline],
-    pub nodes: &'a Buffer,
-    pub triangles: &'a Buffer,
-    pub frame: &'a Buffer,
-    pub image: Option<&'a Image>,
-    pub pace: Pace,
-}
+use crate::vk::{Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard};
 
 /// A span of pixel numbers and the buffers that hold an element for each of them.
 pub struct Band<'a> {
-    inputs: &'a Inputs<'a>,
+    stage: &'a Stage<'a>,
     pixels: Span<u32>,
     counts: Buffer,
     seeds: Buffer,
@@ -61,8 +47,8 @@ const IN_FLIGHT: usize = 2;
 const REPEAT_BLOCK: u32 = 1 << 16;
 
 impl<'a> Band<'a> {
-    pub fn new(inputs: &'a Inputs<'a>, begin: u32, end: u32) -> Result<Self> {
-        let Inputs { device, plan, .. } = *inputs;
+    pub fn new(stage: &'a Stage<'a>, begin: u32, end: u32) -> Result<Self> {
+        let Stage { device, plan, .. } = *stage;
         let pixels = u64::from(end - begin);
         let zeroed = |name, wanted: bool, record: usize| -> Result<Buffer> {
             let bytes = if wanted { pixels * record as u64 } else { 16 };
@@ -79,7 +65,7 @@ impl<'a> Band<'a> {
             Sampler::Pcg => vec![0; 4],
         };
         Ok(Self {
-            inputs,
+            stage,
             pixels: begin..end,
             counts: zeroed("counts", counts_rays(plan), size_of::<Count>())?,
             seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
@@ -88,12 +74,12 @@ impl<'a> Band<'a> {
         })
     }
 
-    /// All samples of all pixels; returns their counts, if that is what is accumulated.
-    pub fn render(&self, tally: &mut Tally<'_>) -> Result<Vec<Count>> {
-        let mut missing = self.pass(tally, true)?;
-        let in_parts = self.scheduler(true).in_parts();
+    /// These samples of all pixels, which must be the next ones.
+    pub fn render(&self, samples: Span<u32>, tally: &mut Tally<'_>) -> Result<()> {
+        let mut missing = self.pass(&samples, tally, true)?;
+        let in_parts = self.scheduler(&samples, true).in_parts();
         while missing > 0 {
-            if !counts_rays(self.inputs.plan) {
+            if !counts_rays(self.stage.plan) {
                 return Err(self.unfinished(missing, "a running mean cannot be taken up again"));
             }
             if in_parts {
@@ -101,22 +87,31 @@ impl<'a> Band<'a> {
             }
             let before = tally.totals.ambient_finished;
             tally.repeats += 1;
-            missing = self.pass(tally, false)?;
+            missing = self.pass(&samples, tally, false)?;
             if missing > 0 && before == tally.totals.ambient_finished {
                 return Err(self.unfinished(missing, "one ray alone is too long for it"));
             }
         }
-        if !counts_rays(self.inputs.plan) {
+        Ok(())
+    }
+
+    /// Has camera rays traced again with the next samples, where their hits are kept.
+    pub fn forget_hits(&self) {
+        self.between.forget_hits();
+    }
+
+    /// The pixels' counts after so many samples, if that is what is accumulated.
+    pub fn counts(&self, samples: u64) -> Result<Vec<Count>> {
+        if !counts_rays(self.stage.plan) {
             return Ok(Vec::new());
         }
-        let counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.inputs.device)?);
-        self.check_counts(&counts)?;
+        let counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.stage.device)?);
+        self.check_counts(&counts, samples)?;
         Ok(counts)
     }
 
     /// Every pixel has traced all its samples or, where its camera ray hit nothing, none.
-    fn check_counts(&self, counts: &[Count]) -> Result<()> {
-        let samples = self.inputs.plan.job.samples.len() as u64;
+    fn check_counts(&self, counts: &[Count], samples: u64) -> Result<()> {
         let traced = |count: &Count| u64::from(count.traced0) + u64::from(count.traced1);
         match counts.iter().map(traced).find(|&traced| traced != 0 && traced != samples) {
             None => Ok(()),
@@ -131,19 +126,20 @@ impl<'a> Band<'a> {
         Error::device(format!(
             "{rays} rays did not come to their end on {} ({why}): choose another --method, --accumulator count or \
              another device.",
-            self.inputs.device.adapter().name
+            self.stage.device.adapter().name
         ))
     }
 
     /// Goes once over all samples that are not done yet; returns how many rays did not come to their end.
     /// `first`: no sample is done yet, so it is known how many camera rays there must be.
-    fn pass(&self, tally: &mut Tally<'_>, first: bool) -> Result<u64> {
-        let Inputs { device, plan, pipelines, .. } = *self.inputs;
-        let mut scheduler = self.scheduler(first);
+    fn pass(&self, samples: &Span<u32>, tally: &mut Tally<'_>, first: bool) -> Result<u64> {
+        let Stage { device, plan, ref pipelines, .. } = *self.stage;
+        let mut scheduler = self.scheduler(samples, first);
         let slots: Vec<Slot> = (0..IN_FLIGHT).map(|_| Slot::new(device)).collect::<Result<_>>()?;
         let bind = |slot| self.between.bind(pipelines, &self.bindings(slot));
         let kernels: Vec<Vec<BoundKernel<'_>>> = slots.iter().map(bind).collect::<Result<_>>()?;
-        let mut recorder = Recorder::new(plan, &self.between, self.pixel_hazards(), first);
+        let mut recorder =
+            Recorder::new(plan, &self.between, self.pixel_hazards(), first.then_some(samples.start));
         let mut in_flight: VecDeque<Flight<'_>> = VecDeque::new();
         let (mut submitted, mut missing) = (0, 0);
         let mut last_end = Instant::now();
@@ -173,19 +169,19 @@ impl<'a> Band<'a> {
         Ok(missing)
     }
 
-    fn scheduler(&self, first: bool) -> Scheduler {
-        let plan = self.inputs.plan;
+    fn scheduler(&self, samples: &Span<u32>, first: bool) -> Scheduler {
+        let plan = self.stage.plan;
         let work = Work {
             pixel_begin: self.pixels.start,
             pixel_end: self.pixels.end,
-            sample_begin: plan.job.samples.start,
-            sample_end: plan.job.samples.end,
+            sample_begin: samples.start,
+            sample_end: samples.end,
             triangles: plan.frame.triangle_count,
             brute: plan.brute(),
             blocks: if counts_rays(plan) { Blocks::Free } else { Blocks::Frames(FRAME_SAMPLES) },
-            room: passes::room(plan, self.inputs.device.adapter().kind),
+            room: self.between.room(),
         };
-        let scheduler = Scheduler::new(work, self.inputs.pace);
+        let scheduler = Scheduler::new(work, self.stage.pace);
         match plan.job.block {
             // Few pixels are left, each with its own rest.
             _ if !first => scheduler.with_block(REPEAT_BLOCK),
@@ -196,17 +192,18 @@ impl<'a> Band<'a> {
 
     fn bindings<'b>(&'b self, slot: &'b Slot) -> Vec<(u32, Binding<'b>)> {
         let geometry =
-            |buffer| if self.inputs.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
+            |buffer| if self.stage.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
         let mut bindings = vec![
-            (layout::BINDING_FRAME, Binding::Buffer(self.inputs.frame)),
-            (layout::BINDING_NODES, geometry(self.inputs.nodes)),
-            (layout::BINDING_TRIANGLES, geometry(self.inputs.triangles)),
+            (layout::BINDING_FRAME, Binding::Buffer(&self.stage.frame)),
+            (layout::BINDING_NODES, geometry(&self.stage.nodes)),
+            (layout::BINDING_TRIANGLES, geometry(&self.stage.triangles)),
             (layout::BINDING_COUNTS, Binding::Buffer(&self.counts)),
             (layout::BINDING_SEEDS, Binding::Buffer(&self.seeds)),
             (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
             (layout::BINDING_COUNTERS, Binding::Buffer(&slot.counters)),
         ];
-        bindings.extend(self.inputs.image.map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
+        bindings
+            .extend(self.stage.image.as_ref().map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
         bindings
     }
 
@@ -218,10 +215,14 @@ impl<'a> Band<'a> {
         recorder: &mut Recorder<'b>,
         ranges: Vec<Range>,
     ) -> Result<Flight<'b>> {
-        let mut batch = Batch::new(self.inputs.device, (ranges.len() * MOST_DISPATCHES) as u32)?;
+        let mut batch = Batch::new(self.stage.device, (ranges.len() * MOST_DISPATCHES) as u32)?;
         batch.fill(&slot.counters, 0);
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
-        let camera_rays = ranges.iter().map(|range| recorder.record(&mut batch, kernels, range)).sum();
+        let mut camera_rays = Some(0);
+        for range in &ranges {
+            let asked = recorder.record(&mut batch, kernels, range)?;
+            camera_rays = camera_rays.zip(asked).map(|(sum, more)| sum + more);
+        }
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::ShaderWrite, Access::TransferRead)]);
         batch.copy(&slot.counters, &slot.readback, 0, slot.counters.bytes());
         batch.barrier(&[Hazard::Buffer(&slot.readback, Access::TransferWrite, Access::HostRead)]);
@@ -231,7 +232,7 @@ impl<'a> Band<'a> {
 
     /// What the kernels keep for each pixel: written by one dispatch, read by the next.
     fn pixel_hazards(&self) -> Vec<Hazard<'_>> {
-        let plan = self.inputs.plan;
+        let plan = self.stage.plan;
         let again = |buffer| Hazard::Buffer(buffer, Access::ShaderWrite, Access::ShaderWrite);
         let mut hazards = vec![again(&self.seeds)];
         if counts_rays(plan) {
@@ -240,7 +241,9 @@ impl<'a> Band<'a> {
         if plan.brute() {
             hazards.push(again(&self.carry));
         }
-        hazards.extend(self.inputs.image.map(|i| Hazard::Image(i, Access::ShaderWrite, Access::ShaderWrite)));
+        hazards.extend(
+            self.stage.image.as_ref().map(|i| Hazard::Image(i, Access::ShaderWrite, Access::ShaderWrite)),
+        );
         hazards
     }
 }

@@ -1,14 +1,14 @@
 //! Runs a plan on a Vulkan device.
 
-use super::band::{Band, Inputs};
+use super::band::Band;
 use super::choices::{Accumulator, Passes};
 use super::picture::Accumulated;
 use super::plan::Plan;
-use super::schedule::Pace;
+use super::stage::Stage;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::layout::{self, Carry, Count, Range, RayRecord};
-use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline};
+use crate::layout::{self, Carry, Count, RayRecord};
+use crate::vk::{Device, ImageFormat};
 
 /// What came of a render.
 #[derive(Clone, Debug)]
@@ -27,32 +27,15 @@ pub struct Outcome {
 
 /// Renders. `observe` hears of every finished submit.
 pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress)) -> Result<Outcome> {
-    let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
-    let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
-    let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
-    let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
-    let pipelines = plan
-        .kernels
-        .iter()
-        .map(|kernel| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32))
-        .collect::<Result<Vec<_>>>()?;
-    let image = new_image(device, plan)?;
-    let inputs = Inputs {
-        device,
-        plan,
-        pipelines: &pipelines,
-        nodes: &nodes,
-        triangles: &triangles,
-        frame: &frame,
-        image: image.as_ref(),
-        pace: pace(device, plan),
-    };
+    let stage = Stage::new(device, plan)?;
     let mut tally = Tally::new(plan, observe);
     let mut counts: Vec<Count> = Vec::new();
     for (begin, end) in bands(plan, device) {
-        counts.extend(Band::new(&inputs, begin, end)?.render(&mut tally)?);
+        let band = Band::new(&stage, begin, end)?;
+        band.render(plan.job.samples.clone(), &mut tally)?;
+        counts.extend(band.counts(plan.job.samples.len() as u64)?);
     }
-    let accumulated = match (&image, image_format(plan)) {
+    let accumulated = match (&stage.image, image_format(plan)) {
         (Some(image), Some(format)) => {
             Accumulated::Means(pixels_of(format, &image.read(device, format.bytes_per_pixel())?))
         }
@@ -77,16 +60,6 @@ pub(super) fn image_format(plan: &Plan<'_>) -> Option<ImageFormat> {
     }
 }
 
-fn new_image(device: &Device, plan: &Plan<'_>) -> Result<Option<Image>> {
-    let Some(format) = image_format(plan) else { return Ok(None) };
-    let image = Image::new(device, "mean image", format, plan.job.size)?;
-    let mut batch = Batch::new(device, 0)?;
-    batch.clear_image(&image);
-    batch.submit()?;
-    batch.wait()?;
-    Ok(Some(image))
-}
-
 /// An image's texels as floats.
 pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
     match format {
@@ -98,7 +71,7 @@ pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 /// Pixel ranges whose buffers a descriptor can show whole.
-fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
+pub(super) fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
     let group = u64::from(layout::WORKGROUP_SIZE);
     let largest_record = match plan.settings.passes {
         Passes::Staged => size_of::<RayRecord>(),
@@ -116,26 +89,4 @@ fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
         begin = end;
     }
     bands
-}
-
-/// What a device is expected to do before it was measured: for GPUs that may be integrated, slow enough to stay
-/// far from the two seconds after which drivers give up.
-fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
-    let adapter = device.adapter();
-    let (rays_per_ms, dispatch_ms, submit_ms, samples) = match adapter.kind {
-        DeviceKind::Discrete => (4e5, 100.0, 200.0, 16),
-        DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16),
-        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024),
-    };
-    // Where the work of a pixel is spread over many invocations, no long pixel holds up a dispatch.
-    let samples = if plan.settings.passes == Passes::Single { samples } else { 1024 };
-    let limits = &adapter.limits;
-    Pace {
-        rays_per_ms,
-        dispatch_ms,
-        submit_ms,
-        samples,
-        workgroups: limits.workgroups,
-        loop_iterations: limits.loop_iterations,
-    }
 }

@@ -1,6 +1,8 @@
 //! How a range becomes dispatches: one kernel (`single`), kept hits and a list of pixels (`split`), or a kernel a step
 //! (`staged`). Nothing waits for the host in between.
 
+use std::cell::Cell;
+
 use super::choices::{Accumulator, Passes};
 use super::plan::Plan;
 use crate::error::Result;
@@ -21,15 +23,6 @@ const PIXEL_SIZES: u64 = 16;
 /// Dispatches of a range at most.
 pub const MOST_DISPATCHES: usize = 6;
 
-/// Pixels times samples of a range for which there is room.
-pub fn room(plan: &Plan<'_>, device: DeviceKind) -> Option<u64> {
-    match plan.settings.passes {
-        Passes::Single => None,
-        Passes::Split => Some(ROOM * u64::from(least_block(plan, device))),
-        Passes::Staged => Some(ROOM),
-    }
-}
-
 /// Samples of an invocation of `split`: all of a range on a CPU, where a pixel's surface is found once for them. Sums of
 /// floats must be added up one by one, or the frame's in one go.
 fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
@@ -42,6 +35,13 @@ fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
 
 /// What the passes keep between their kernels, for a band of pixels.
 pub struct Buffers {
+    passes: Passes,
+    /// Elements of the buffers that hold something for each pixel and block of samples.
+    room: u64,
+    /// Camera rays' hits are there.
+    hits_known: Cell<bool>,
+    /// The range that the list was made for.
+    listed: Cell<Option<Range>>,
     hits: Buffer,
     list: Buffer,
     arguments: Buffer,
@@ -55,7 +55,7 @@ impl Buffers {
     /// For `pixels` of a band.
     pub fn new(device: &Device, plan: &Plan<'_>, pixels: u64) -> Result<Self> {
         let passes = plan.settings.passes;
-        let room = ROOM.max(pixels);
+        let room = (pixels * plan.job.samples.len() as u64).min(ROOM).max(pixels);
         let buffer = |name, usage, wanted: bool, elements: u64, record: usize| {
             Buffer::new(device, name, usage, if wanted { elements * record as u64 } else { 16 })
         };
@@ -63,6 +63,10 @@ impl Buffers {
         let (split, staged) = (passes == Passes::Split, passes == Passes::Staged);
         let storage = BufferUse::Storage;
         Ok(Self {
+            passes,
+            room,
+            hits_known: Cell::new(false),
+            listed: Cell::new(None),
             hits: buffer("camera hits", storage, several, pixels, size_of::<HitRecord>())?,
             list: buffer("list of pixels", storage, several, pixels, size_of::<Listed>())?,
             arguments: buffer("list's sizes", BufferUse::Indirect, true, 1, size_of::<ListArguments>())?,
@@ -71,6 +75,20 @@ impl Buffers {
             answers: buffer("answers", storage, staged, room, size_of::<HitRecord>())?,
             block: least_block(plan, device.adapter().kind),
         })
+    }
+
+    /// Pixels times samples of a range for which there is room.
+    pub fn room(&self) -> Option<u64> {
+        match self.passes {
+            Passes::Single => None,
+            Passes::Split => Some(self.room * u64::from(self.block)),
+            Passes::Staged => Some(self.room),
+        }
+    }
+
+    /// Has the camera rays traced again with the next samples, as after a move of the camera.
+    pub fn forget_hits(&self) {
+        self.hits_known.set(false);
     }
 
     /// Bindings of the steps; the second list is for the step that answers ambient rays.
@@ -116,12 +134,12 @@ pub struct Recorder<'a> {
     buffers: &'a Buffers,
     /// What the kernels keep for each pixel from range to range.
     pixel_hazards: Vec<Hazard<'a>>,
-    /// No sample is done yet: camera rays are traced with a pixel's first samples.
-    first: bool,
+    /// The sample that every pixel comes to next; `None` where pixels are taken up again, each from its own.
+    begins: Option<u32>,
     /// Pixels up to here may still be worked on, by this submit or the one before.
     busy_to: u32,
-    /// The range that the list was made for.
-    listed: Option<Range>,
+    /// Camera rays are traced with those first samples.
+    traces_camera: bool,
 }
 
 impl<'a> Recorder<'a> {
@@ -129,9 +147,13 @@ impl<'a> Recorder<'a> {
         plan: &'a Plan<'a>,
         buffers: &'a Buffers,
         pixel_hazards: Vec<Hazard<'a>>,
-        first: bool,
+        begins: Option<u32>,
     ) -> Self {
-        Self { plan, buffers, pixel_hazards, first, busy_to: u32::MAX, listed: None }
+        let traces_camera = begins.is_none() || !buffers.hits_known.replace(true);
+        if begins.is_none() {
+            buffers.listed.set(None);
+        }
+        Self { plan, buffers, pixel_hazards, begins, busy_to: u32::MAX, traces_camera }
     }
 
     /// Records a range; returns how many camera rays it must begin, if that is known.
@@ -140,7 +162,7 @@ impl<'a> Recorder<'a> {
         batch: &mut Batch<'a>,
         kernels: &'a [BoundKernel<'a>],
         range: &Range,
-    ) -> Option<u64> {
+    ) -> Result<Option<u64>> {
         match (self.plan.settings.passes, kernels) {
             (Passes::Split, [primary, list, ambient, resolve]) => {
                 self.record_split(batch, [primary, list, ambient, resolve], range)
@@ -148,7 +170,7 @@ impl<'a> Recorder<'a> {
             (Passes::Staged, [camera, closest, list, rays, any, resolve]) => {
                 self.record_staged(batch, [camera, closest, list, rays, any, resolve], range)
             }
-            _ => self.record_single(batch, &kernels[0], range),
+            _ => Ok(self.record_single(batch, &kernels[0], range)),
         }
     }
 
@@ -174,16 +196,16 @@ impl<'a> Recorder<'a> {
         batch: &mut Batch<'a>,
         [primary, list, ambient, resolve]: [&'a BoundKernel<'a>; 4],
         range: &Range,
-    ) -> Option<u64> {
+    ) -> Result<Option<u64>> {
         let Buffers { hits, partials, .. } = self.buffers;
         let span = range.pixel_end - range.pixel_begin;
         let samples = range.sample_end - range.sample_begin;
-        let blocks = (ROOM / u64::from(span)).clamp(1, u64::from(samples)) as u32;
+        let blocks = (self.buffers.room / u64::from(span)).clamp(1, u64::from(samples)) as u32;
         let block = samples.div_ceil(blocks).max(self.buffers.block);
         let range = Range { block, stride: span, ..*range };
         let fresh = self.is_fresh(&range);
         self.after_all(batch);
-        if fresh || !self.first {
+        if fresh || self.begins.is_none() {
             dispatch(
                 batch,
                 primary,
@@ -192,10 +214,10 @@ impl<'a> Recorder<'a> {
             batch.barrier(&[written(hits)]);
         }
         self.list_pixels(batch, list, &range);
-        self.dispatch_list(batch, ambient, &range, 0);
+        self.dispatch_list(batch, ambient, &range, 0)?;
         batch.barrier(&[written(partials)]);
-        self.dispatch_list(batch, resolve, &range, PIXEL_SIZES);
-        self.camera_rays(&range, fresh)
+        self.dispatch_list(batch, resolve, &range, PIXEL_SIZES)?;
+        Ok(self.camera_rays(&range, fresh))
     }
 
     fn record_staged(
@@ -203,32 +225,32 @@ impl<'a> Recorder<'a> {
         batch: &mut Batch<'a>,
         [camera, closest, list, rays, any, resolve]: [&'a BoundKernel<'a>; 6],
         range: &Range,
-    ) -> Option<u64> {
+    ) -> Result<Option<u64>> {
         let Buffers { hits, rays: ray_buffer, answers, .. } = self.buffers;
         let span = range.pixel_end - range.pixel_begin;
         let range = Range { block: 1, stride: span, ..*range };
         let fresh = self.is_fresh(&range);
         self.after_all(batch);
-        if fresh || !self.first {
+        if fresh || self.begins.is_none() {
             dispatch(batch, camera, &range);
             batch.barrier(&[written(ray_buffer)]);
             dispatch(batch, closest, &Range { stage: STAGE_CLOSEST, ..range });
             batch.barrier(&[written(ray_buffer), written(hits)]);
         }
         self.list_pixels(batch, list, &range);
-        self.dispatch_list(batch, rays, &range, 0);
+        self.dispatch_list(batch, rays, &range, 0)?;
         batch.barrier(&[written(ray_buffer)]);
         // Rays are numbered by their place in the list, and so are the answers.
         let by_place = Range { pixel_begin: 0, pixel_end: span, pixel_base: 0, stage: STAGE_ANY, ..range };
-        self.dispatch_list(batch, any, &by_place, 0);
+        self.dispatch_list(batch, any, &by_place, 0)?;
         batch.barrier(&[written(answers)]);
-        self.dispatch_list(batch, resolve, &range, PIXEL_SIZES);
-        self.camera_rays(&range, fresh)
+        self.dispatch_list(batch, resolve, &range, PIXEL_SIZES)?;
+        Ok(self.camera_rays(&range, fresh))
     }
 
-    /// Whether the range holds its pixels' first samples.
+    /// Whether the range holds the samples with which camera rays are traced.
     fn is_fresh(&self, range: &Range) -> bool {
-        self.first && range.sample_begin == self.plan.job.samples.start
+        self.traces_camera && self.begins == Some(range.sample_begin)
     }
 
     /// The kernels of a range share their buffers with those of the one before.
@@ -238,14 +260,14 @@ impl<'a> Recorder<'a> {
         batch.barrier(&hazards);
     }
 
-    /// Makes the list, unless the one there is serves: in the first go no pixel of a range is ahead of the others.
-    fn list_pixels(&mut self, batch: &mut Batch<'a>, list: &'a BoundKernel<'a>, range: &Range) {
+    /// Makes the list, unless the one there is serves, which it does while no pixel is ahead of the others.
+    fn list_pixels(&self, batch: &mut Batch<'a>, list: &'a BoundKernel<'a>, range: &Range) {
         let arguments = &self.buffers.arguments;
         let key = |range: &Range| {
             let samples = range.sample_end - range.sample_begin;
             (range.pixel_begin, range.pixel_end, samples.div_ceil(range.block))
         };
-        if self.first && self.listed.as_ref().map(key) == Some(key(range)) {
+        if self.begins.is_some() && self.buffers.listed.get().as_ref().map(key) == Some(key(range)) {
             return;
         }
         batch.barrier(&[
@@ -260,17 +282,23 @@ impl<'a> Recorder<'a> {
             written(arguments),
             Hazard::Buffer(arguments, Access::ShaderWrite, Access::IndirectRead),
         ]);
-        self.listed = Some(*range);
+        self.buffers.listed.set(Some(*range));
     }
 
-    fn dispatch_list(&self, batch: &mut Batch<'a>, kernel: &'a BoundKernel<'a>, range: &Range, offset: u64) {
+    fn dispatch_list(
+        &self,
+        batch: &mut Batch<'a>,
+        kernel: &'a BoundKernel<'a>,
+        range: &Range,
+        offset: u64,
+    ) -> Result<()> {
         let arguments = &self.buffers.arguments;
-        batch.dispatch_indirect(kernel, bytemuck::bytes_of(range), arguments, offset, kernel.name());
+        batch.dispatch_indirect(kernel, bytemuck::bytes_of(range), arguments, offset, kernel.name())
     }
 
     fn camera_rays(&self, range: &Range, starts_rays: bool) -> Option<u64> {
         let inside = || self.plan.tiles.inside(range.pixel_begin, range.pixel_end);
-        self.first.then(|| if starts_rays { inside() } else { 0 })
+        self.begins.map(|_| if starts_rays { inside() } else { 0 })
     }
 }
 

@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::calibrate::Calibrator;
 use crate::error::{Error, Result};
 
 /// Kinds of device in the order of preference.
@@ -43,6 +44,49 @@ pub struct Limits {
     pub loop_iterations: Option<u32>,
 }
 
+/// Invocations that run together, and what they can do among themselves in a compute shader.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Subgroup {
+    /// Invocations; 0 where the driver doesn't tell.
+    pub size: u32,
+    pub basic: bool,
+    pub vote: bool,
+    pub arithmetic: bool,
+    pub ballot: bool,
+    pub shuffle: bool,
+    pub quad: bool,
+}
+
+impl Subgroup {
+    fn of(properties: &vk::PhysicalDeviceVulkan11Properties<'_>) -> Self {
+        use vk::SubgroupFeatureFlags as F;
+        let in_compute = properties.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
+        let has = |operation| in_compute && properties.subgroup_supported_operations.contains(operation);
+        Self {
+            size: properties.subgroup_size,
+            basic: has(F::BASIC),
+            vote: has(F::VOTE),
+            arithmetic: has(F::ARITHMETIC),
+            ballot: has(F::BALLOT),
+            shuffle: has(F::SHUFFLE),
+            quad: has(F::QUAD),
+        }
+    }
+
+    /// Names of the operations that are there.
+    pub fn operations(&self) -> Vec<&'static str> {
+        let all = [
+            ("basic", self.basic),
+            ("vote", self.vote),
+            ("arithmetic", self.arithmetic),
+            ("ballot", self.ballot),
+            ("shuffle", self.shuffle),
+            ("quad", self.quad),
+        ];
+        all.into_iter().filter(|(_, there)| *there).map(|(name, _)| name).collect()
+    }
+}
+
 /// A physical device: what it is, whether it will do, and what it lacks.
 #[derive(Clone)]
 pub struct Adapter {
@@ -53,7 +97,7 @@ pub struct Adapter {
     pub driver: String,
     pub api_version: (u32, u32, u32),
     pub limits: Limits,
-    pub subgroup_size: u32,
+    pub subgroup: Subgroup,
     pub memory_bytes: u64,
     /// Duration of a timestamp's step in ns, and how many bits of it count; `None` without timestamps.
     pub timestamps: Option<(f64, u32)>,
@@ -65,6 +109,9 @@ pub struct Adapter {
     /// Whether that family's queues draw.
     pub(super) draws: bool,
     pub(super) extensions: Vec<String>,
+    /// Whether compiled kernels can be asked for statistics.
+    pub(super) tells_statistics: bool,
+    pub(super) calibrator: Option<Calibrator>,
 }
 
 /// Extensions that later methods use, by the name under which a person knows them.
@@ -73,13 +120,11 @@ const OPTIONAL_EXTENSIONS: &[(&str, &CStr)] = &[
     ("ray query", ash::khr::ray_query::NAME),
     ("ray-tracing pipeline", ash::khr::ray_tracing_pipeline::NAME),
     ("memory budget", ash::ext::memory_budget::NAME),
-    ("pipeline statistics", ash::khr::pipeline_executable_properties::NAME),
-    ("calibrated timestamps", ash::ext::calibrated_timestamps::NAME),
     ("shader clock", ash::khr::shader_clock::NAME),
 ];
 
 impl Adapter {
-    pub(super) fn probe(instance: &ash::Instance, raw: vk::PhysicalDevice) -> Self {
+    pub(super) fn probe(entry: &ash::Entry, instance: &ash::Instance, raw: vk::PhysicalDevice) -> Self {
         let mut vulkan12 = vk::PhysicalDeviceVulkan12Properties::default();
         let mut vulkan11 = vk::PhysicalDeviceVulkan11Properties::default();
         // SAFETY: `raw` comes from this instance.
@@ -105,6 +150,15 @@ impl Adapter {
                 Some(extension.extension_name_as_c_str().ok()?.to_string_lossy().into_owned())
             })
             .collect();
+        let offered = |name: &CStr| extensions.iter().any(|found| name.to_bytes() == found.as_bytes());
+        let tells_statistics = has_12
+            && offered(ash::khr::pipeline_executable_properties::NAME)
+            && tells_statistics(instance, raw);
+        let calibrator = Calibrator::probe(entry, instance, raw, offered);
+        let mut features: Vec<_> =
+            OPTIONAL_EXTENSIONS.iter().map(|(label, name)| (*label, offered(name))).collect();
+        features.push(("pipeline statistics", tells_statistics));
+        features.push(("calibrated timestamps", calibrator.is_some()));
         let family = compute_family(&families);
         let kind = kind_of(base.device_type);
         let driver_id = vulkan12.driver_id;
@@ -126,7 +180,7 @@ impl Adapter {
                 vk::api_version_patch(base.api_version),
             ),
             limits: limits_of(&base.limits, driver_id),
-            subgroup_size: vulkan11.subgroup_size,
+            subgroup: Subgroup::of(&vulkan11),
             memory_bytes: memory
                 .memory_heaps_as_slice()
                 .iter()
@@ -137,17 +191,14 @@ impl Adapter {
                 let bits = families[family as usize].timestamp_valid_bits;
                 (bits > 0).then_some((f64::from(base.limits.timestamp_period), bits))
             }),
-            features: OPTIONAL_EXTENSIONS
-                .iter()
-                .map(|(label, name)| {
-                    (*label, extensions.iter().any(|found| name.to_bytes() == found.as_bytes()))
-                })
-                .collect(),
+            features,
             unusable: unusable(has_12, family, &base.limits),
             queue_family: family.unwrap_or(0),
             draws: family.is_some_and(|family| {
                 families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)
             }),
+            tells_statistics,
+            calibrator,
             extensions,
         }
     }
@@ -187,6 +238,15 @@ impl Adapter {
             None => Ok(chosen),
         }
     }
+}
+
+/// Whether a device with VK_KHR_pipeline_executable_properties also has the extension's one feature.
+fn tells_statistics(instance: &ash::Instance, raw: vk::PhysicalDevice) -> bool {
+    let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut executables);
+    // SAFETY: `raw` comes from this instance, and the device has the extension of the struct.
+    unsafe { instance.get_physical_device_features2(raw, &mut features) };
+    executables.pipeline_executable_info == vk::TRUE
 }
 
 fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {

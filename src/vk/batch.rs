@@ -1,77 +1,31 @@
-//! Work for the device: dispatches, copies, barriers and timestamps, recorded once and submitted once.
+//! Work for the device: dispatches, copies and timestamps, recorded once and submitted once.
 
 use std::sync::{Arc, PoisonError};
+use std::time::Instant;
 
 use ash::vk;
 
-use super::buffer::Buffer;
+use super::buffer::{Buffer, BufferUse};
 use super::device::{Device, Shared};
 use super::failed;
-use super::image::{Image, whole_image};
 use super::kernel::BoundKernel;
 use super::raster::Raster;
-use crate::error::Result;
-
-/// How a stage touches a resource.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    HostRead,
-    /// The sizes of an indirect dispatch.
-    IndirectRead,
-    TransferRead,
-    TransferWrite,
-    ShaderRead,
-    /// Reads and writes by kernels.
-    ShaderWrite,
-}
-
-impl Access {
-    fn raw(self) -> (vk::PipelineStageFlags, vk::AccessFlags) {
-        use vk::{AccessFlags as A, PipelineStageFlags as S};
-        match self {
-            Self::HostRead => (S::HOST, A::HOST_READ),
-            Self::IndirectRead => (S::DRAW_INDIRECT, A::INDIRECT_COMMAND_READ),
-            Self::TransferRead => (S::TRANSFER, A::TRANSFER_READ),
-            Self::TransferWrite => (S::TRANSFER, A::TRANSFER_WRITE),
-            Self::ShaderRead => (S::COMPUTE_SHADER, A::SHADER_READ),
-            Self::ShaderWrite => (S::COMPUTE_SHADER, A::SHADER_READ | A::SHADER_WRITE),
-        }
-    }
-}
-
-/// A dependency between two uses of one resource.
-#[derive(Clone, Copy)]
-pub enum Hazard<'a> {
-    Buffer(&'a Buffer, Access, Access),
-    Image(&'a Image, Access, Access),
-}
-
-/// The time of one dispatch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Timing {
-    pub label: String,
-    /// Device time from the start of the dispatch to its end, ms; `None` on a device without timestamps.
-    pub gpu_ms: Option<f64>,
-}
-
-/// What came of a batch.
-#[derive(Clone, Debug, Default)]
-pub struct Finished {
-    pub timings: Vec<Timing>,
-}
+use super::timing::{DeviceClock, Finished, HostTimes, Timing};
+use crate::error::{Error, Result};
 
 /// A command buffer with its fence and its timestamps. What it uses must outlive it; it waits for the
 /// device before it goes.
 pub struct Batch<'a> {
     pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
+    pub(super) commands: vk::CommandBuffer,
     fence: vk::Fence,
     timestamps: vk::QueryPool,
     /// Most dispatches that can be timed.
     capacity: u32,
     labels: Vec<String>,
     submitted: bool,
-    device: Arc<Shared>,
+    host: HostTimes,
+    pub(super) device: Arc<Shared>,
     used: std::marker::PhantomData<&'a ()>,
 }
 
@@ -79,6 +33,7 @@ impl<'a> Batch<'a> {
     /// Starts recording. `dispatches`: how many there will be at most.
     pub fn new(device: &Device, dispatches: u32) -> Result<Self> {
         let shared = device.shared.clone();
+        let now = Instant::now();
         let mut batch = Self {
             pool: vk::CommandPool::null(),
             commands: vk::CommandBuffer::null(),
@@ -87,6 +42,7 @@ impl<'a> Batch<'a> {
             capacity: if shared.adapter.timestamps.is_some() { dispatches.max(1) } else { 0 },
             labels: Vec::new(),
             submitted: false,
+            host: HostTimes { record: now, submit: now, submitted: now, wait: now, waited: now },
             device: shared.clone(),
             used: std::marker::PhantomData,
         };
@@ -120,40 +76,50 @@ impl<'a> Batch<'a> {
         Ok(())
     }
 
-    /// Runs a kernel on `groups` workgroups, between two timestamps.
+    /// Runs a kernel on `groups` workgroups in x, y and z, between two timestamps. `push`: its push constants,
+    /// if it has any.
     pub fn dispatch(&mut self, kernel: &'a BoundKernel<'_>, push: &[u8], groups: [u32; 3], label: &str) {
-        self.timed_dispatch(kernel, push, label, |raw, commands| {
-            let [x, y, z] = groups;
-            // SAFETY: the command buffer is recording, with pipeline and descriptors bound.
-            unsafe { raw.cmd_dispatch(commands, x, y, z) }
+        let [x, y, z] = groups;
+        // SAFETY: the command buffer is recording, and the kernel with its descriptors is bound.
+        self.timed(kernel, push, label, |batch| unsafe {
+            batch.device.raw.cmd_dispatch(batch.commands, x, y, z);
         });
     }
 
-    /// The same on as many workgroups as three words of `sizes` at `offset` say when it comes to that.
+    /// The same with numbers of workgroups that the device reads: three words at `offset` (in bytes, a multiple
+    /// of 4) of a buffer that was made for it ([`BufferUse::Indirect`]). What wrote them needs a barrier to
+    /// [`super::Access::IndirectRead`].
     pub fn dispatch_indirect(
         &mut self,
         kernel: &'a BoundKernel<'_>,
         push: &[u8],
-        sizes: &'a Buffer,
+        groups: &'a Buffer,
         offset: u64,
         label: &str,
-    ) {
-        self.timed_dispatch(kernel, push, label, |raw, commands| {
-            // SAFETY: as above; the buffer was made for it and holds three words at the offset.
-            unsafe { raw.cmd_dispatch_indirect(commands, sizes.raw, offset) }
+    ) -> Result<()> {
+        let inside = offset.checked_add(12).is_some_and(|end| end <= groups.bytes);
+        if groups.usage != BufferUse::Indirect || offset % 4 != 0 || !inside {
+            return Err(Error::other(format!(
+                "The numbers of workgroups of {label} can't be read at byte {offset} of the buffer {}: report this \
+                 as a bug.",
+                groups.name()
+            )));
+        }
+        // SAFETY: the command buffer is recording, the kernel with its descriptors is bound, and the three
+        // words lie in a buffer for indirect dispatches that outlives the batch.
+        self.timed(kernel, push, label, |batch| unsafe {
+            batch.device.raw.cmd_dispatch_indirect(batch.commands, groups.raw, offset);
         });
+        Ok(())
     }
 
-    fn timed_dispatch(
-        &mut self,
-        kernel: &'a BoundKernel<'_>,
-        push: &[u8],
-        label: &str,
-        dispatch: impl FnOnce(&ash::Device, vk::CommandBuffer),
-    ) {
+    /// Binds a kernel and records `work` between two timestamps: from the moment that earlier kernels are done to
+    /// the moment that this one is.
+    fn timed(&mut self, kernel: &'a BoundKernel<'_>, push: &[u8], label: &str, work: impl FnOnce(&Self)) {
         let raw = &self.device.raw;
         let first = 2 * self.labels.len() as u32;
         let timed = first < 2 * self.capacity;
+        let stage = vk::PipelineStageFlags::COMPUTE_SHADER;
         // SAFETY: the command buffer is recording; kernel, set and pool belong to the device and outlive
         // the batch; the push constants fit the pipeline's range.
         unsafe {
@@ -161,15 +127,18 @@ impl<'a> Batch<'a> {
             raw.cmd_bind_pipeline(self.commands, point, kernel.pipeline.raw);
             let layout = kernel.pipeline.layout;
             raw.cmd_bind_descriptor_sets(self.commands, point, layout, 0, &[kernel.set], &[]);
-            raw.cmd_push_constants(self.commands, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
-            // From the moment that earlier kernels are done to the moment that this one is.
-            let stage = vk::PipelineStageFlags::COMPUTE_SHADER;
+            if !push.is_empty() {
+                raw.cmd_push_constants(self.commands, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+            }
             if timed {
                 raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first);
             }
-            dispatch(raw, self.commands);
-            if timed {
-                raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first + 1);
+        }
+        work(self);
+        if timed {
+            // SAFETY: the command buffer is recording, and the pool has room for this query.
+            unsafe {
+                self.device.raw.cmd_write_timestamp(self.commands, stage, self.timestamps, first + 1);
             }
         }
         self.labels.push(label.to_string());
@@ -208,54 +177,6 @@ impl<'a> Batch<'a> {
         self.labels.push(label.to_string());
     }
 
-    /// Makes earlier uses of the resources visible to later ones, from stage to stage.
-    pub fn barrier(&mut self, hazards: &[Hazard<'a>]) {
-        let mut from_stages = vk::PipelineStageFlags::empty();
-        let mut to_stages = vk::PipelineStageFlags::empty();
-        let mut buffers = Vec::new();
-        let mut images = Vec::new();
-        for hazard in hazards {
-            let (Hazard::Buffer(_, from, to) | Hazard::Image(_, from, to)) = *hazard;
-            let ((from_stage, from_access), (to_stage, to_access)) = (from.raw(), to.raw());
-            from_stages |= from_stage;
-            to_stages |= to_stage;
-            match hazard {
-                Hazard::Buffer(buffer, ..) => buffers.push(
-                    vk::BufferMemoryBarrier::default()
-                        .src_access_mask(from_access)
-                        .dst_access_mask(to_access)
-                        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                        .buffer(buffer.raw)
-                        .size(vk::WHOLE_SIZE),
-                ),
-                Hazard::Image(image, ..) => images.push(
-                    image_barrier(image)
-                        .src_access_mask(from_access)
-                        .dst_access_mask(to_access)
-                        .old_layout(vk::ImageLayout::GENERAL)
-                        .new_layout(vk::ImageLayout::GENERAL),
-                ),
-            }
-        }
-        if hazards.is_empty() {
-            return;
-        }
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is recording; the resources belong to the device.
-        unsafe {
-            self.device.raw.cmd_pipeline_barrier(
-                self.commands,
-                from_stages,
-                to_stages,
-                none,
-                &[],
-                &buffers,
-                &images,
-            );
-        }
-    }
-
     /// Fills a buffer with a word.
     pub fn fill(&mut self, buffer: &'a Buffer, word: u32) {
         // SAFETY: the command buffer is recording; our buffers can be written by transfers.
@@ -269,67 +190,12 @@ impl<'a> Batch<'a> {
         unsafe { self.device.raw.cmd_copy_buffer(self.commands, from.raw, to.raw, &[region]) };
     }
 
-    /// Brings a new image into its layout and sets all of it to 0, ready for kernels.
-    pub fn clear_image(&mut self, image: &'a Image) {
-        let (undefined, general) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL);
-        self.change_layout(image, (Access::TransferRead, undefined), (Access::TransferWrite, general));
-        let black = vk::ClearColorValue { float32: [0.0; 4] };
-        // SAFETY: the command buffer is recording; the image has memory and this layout.
-        unsafe {
-            let raw = &self.device.raw;
-            raw.cmd_clear_color_image(self.commands, image.raw, general, &black, &[whole_image()]);
-        }
-        self.barrier(&[Hazard::Image(image, Access::TransferWrite, Access::ShaderWrite)]);
-    }
-
-    /// Copies all pixels of an image that kernels have written into a buffer, row by row.
-    pub fn copy_image(&mut self, image: &'a Image, to: &'a Buffer) {
-        let region = vk::BufferImageCopy::default()
-            .image_subresource(
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
-            )
-            .image_extent(vk::Extent3D { width: image.size.0, height: image.size.1, depth: 1 });
-        let (general, source) = (vk::ImageLayout::GENERAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-        self.change_layout(image, (Access::ShaderWrite, general), (Access::TransferRead, source));
-        // SAFETY: the command buffer is recording; the buffer holds all pixels.
-        unsafe {
-            self.device.raw.cmd_copy_image_to_buffer(self.commands, image.raw, source, to.raw, &[region]);
-        }
-        self.change_layout(image, (Access::TransferRead, source), (Access::ShaderWrite, general));
-    }
-
-    fn change_layout(
-        &mut self,
-        image: &'a Image,
-        (from, old): (Access, vk::ImageLayout),
-        (to, new): (Access, vk::ImageLayout),
-    ) {
-        let ((from_stage, from_access), (to_stage, to_access)) = (from.raw(), to.raw());
-        let change = image_barrier(image)
-            .src_access_mask(from_access)
-            .dst_access_mask(to_access)
-            .old_layout(old)
-            .new_layout(new);
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is recording; the image is in its old layout.
-        unsafe {
-            self.device.raw.cmd_pipeline_barrier(
-                self.commands,
-                from_stage,
-                to_stage,
-                none,
-                &[],
-                &[],
-                &[change],
-            );
-        }
-    }
-
     /// Hands the work to the device and returns at once.
     pub fn submit(&mut self) -> Result<()> {
         let raw = &self.device.raw;
         let commands = [self.commands];
         let work = vk::SubmitInfo::default().command_buffers(&commands);
+        self.host.submit = Instant::now();
         let queue = self.device.queue.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: recording ends here; the queue is ours while we hold its lock.
         unsafe {
@@ -338,6 +204,7 @@ impl<'a> Batch<'a> {
                 .map_err(|result| failed("Handing work to the device", result))?;
         }
         self.submitted = true;
+        self.host.submitted = Instant::now();
         Ok(())
     }
 
@@ -345,36 +212,26 @@ impl<'a> Batch<'a> {
     pub fn wait(mut self) -> Result<Finished> {
         let raw = &self.device.raw;
         let mut ticks = vec![0u64; 2 * self.labels.len().min(self.capacity as usize)];
+        self.host.wait = Instant::now();
         // SAFETY: the fence was given to the submission; the queries were written by it.
         unsafe {
             raw.wait_for_fences(&[self.fence], true, u64::MAX)
                 .map_err(|result| failed("Waiting for the device", result))?;
+            self.host.waited = Instant::now();
             self.submitted = false;
             if !ticks.is_empty() {
                 raw.get_query_pool_results(self.timestamps, 0, &mut ticks, vk::QueryResultFlags::TYPE_64)
                     .map_err(|result| failed("Reading the timestamps", result))?;
             }
         }
-        let (period_ns, bits) = self.device.adapter.timestamps.unwrap_or((1.0, 64));
-        let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
+        let clock = DeviceClock::new(self.device.adapter.timestamps.unwrap_or((1.0, 64)));
         let labels = std::mem::take(&mut self.labels);
-        let timings = labels.into_iter().enumerate().map(|(place, label)| Timing {
-            label,
-            gpu_ms: ticks.get(2 * place..2 * place + 2).map(|pair| {
-                let steps = pair[1].wrapping_sub(pair[0]) & mask;
-                steps as f64 * period_ns * 1e-6
-            }),
+        let timings = labels.into_iter().enumerate().map(|(place, label)| {
+            let pair = ticks.get(2 * place..2 * place + 2).map(|pair| (pair[0], pair[1]));
+            Timing::new(label, pair, clock)
         });
-        Ok(Finished { timings: timings.collect() })
+        Ok(Finished { timings: timings.collect(), host: self.host })
     }
-}
-
-fn image_barrier(image: &Image) -> vk::ImageMemoryBarrier<'static> {
-    vk::ImageMemoryBarrier::default()
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .image(image.raw)
-        .subresource_range(whole_image())
 }
 
 impl Drop for Batch<'_> {

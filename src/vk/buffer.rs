@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 pub enum BufferUse {
     /// Read and written by kernels.
     Storage,
-    /// The same, and read as the sizes of indirect dispatches.
+    /// The same, and its numbers of workgroups are read by indirect dispatches.
     Indirect,
     /// Read by kernels through a view of 16-byte texels.
     Texels,
@@ -33,6 +33,7 @@ pub struct Buffer {
     pub(super) raw: vk::Buffer,
     pub(super) view: Option<vk::BufferView>,
     pub(super) bytes: u64,
+    pub(super) usage: BufferUse,
     name: String,
     allocation: Option<Allocation>,
     device: Arc<Shared>,
@@ -47,7 +48,7 @@ impl Buffer {
         let (flags, location) = match usage {
             BufferUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly),
             BufferUse::Indirect => {
-                let both = vk::BufferUsageFlags::INDIRECT_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
+                let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER;
                 (both | transfer, MemoryLocation::GpuOnly)
             }
             BufferUse::Texels => {
@@ -62,8 +63,15 @@ impl Buffer {
         // SAFETY: the device is alive; the description is complete.
         let raw = unsafe { shared.raw.create_buffer(&info, None) }
             .map_err(|result| failed(&format!("Making the buffer {name}"), result))?;
-        let mut buffer =
-            Self { raw, view: None, bytes, name: name.to_string(), allocation: None, device: shared.clone() };
+        let mut buffer = Self {
+            raw,
+            view: None,
+            bytes,
+            usage,
+            name: name.to_string(),
+            allocation: None,
+            device: shared.clone(),
+        };
         // SAFETY: the buffer was made by this device.
         let requirements = unsafe { shared.raw.get_buffer_memory_requirements(raw) };
         let allocation = shared.memory.allocate(name, requirements, location, true)?;

@@ -3,12 +3,14 @@
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use super::adapter::Adapter;
+use super::calibrate::ClockReader;
 use super::failed;
 use super::instance::Instance;
 use super::memory::Memory;
+use super::statistics::StatisticsReader;
 use crate::error::Result;
 
 /// A device; everything made from it keeps it alive.
@@ -24,6 +26,10 @@ pub(super) struct Shared {
     pub(super) queue: Mutex<vk::Queue>,
     pub(super) adapter: Adapter,
     names: Option<ext::debug_utils::Device>,
+    /// `None` where the device tells no statistics of kernels.
+    pub(super) statistics: Option<StatisticsReader>,
+    /// `None` where the device's clock can't be read.
+    pub(super) clock: Option<ClockReader>,
     instance: Instance,
 }
 
@@ -39,8 +45,19 @@ impl Device {
         if adapter.extensions.iter().any(|name| name.as_bytes() == subset.to_bytes()) {
             extensions.push(subset.as_ptr());
         }
-        let info =
+        if let Some(calibrator) = adapter.calibrator {
+            extensions.push(calibrator.extension().as_ptr());
+        }
+        let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        if adapter.tells_statistics {
+            extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
+        }
+        let mut info =
             vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+        if adapter.tells_statistics {
+            info = info.push_next(&mut executables);
+        }
         let vulkan = &instance.shared.raw;
         // SAFETY: the adapter comes from this instance; `info` lives until the call returns.
         let raw = unsafe { vulkan.create_device(adapter.raw, &info, None) }
@@ -56,6 +73,8 @@ impl Device {
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { raw.get_device_queue(adapter.queue_family, 0) };
         let names = instance.shared.names_objects.then(|| ext::debug_utils::Device::new(vulkan, &raw));
+        let statistics = adapter.tells_statistics.then(|| StatisticsReader::new(vulkan, &raw)).flatten();
+        let clock = adapter.calibrator.and_then(|calibrator| ClockReader::new(vulkan, &raw, calibrator));
         Ok(Self {
             shared: Arc::new(Shared {
                 raw,
@@ -63,6 +82,8 @@ impl Device {
                 queue: Mutex::new(queue),
                 adapter: adapter.clone(),
                 names,
+                statistics,
+                clock,
                 instance: instance.clone(),
             }),
         })

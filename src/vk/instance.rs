@@ -25,7 +25,7 @@ pub struct Instance {
 pub(super) struct Shared {
     pub(super) raw: ash::Instance,
     /// Keeps the loader's library open as long as the instance.
-    _entry: ash::Entry,
+    entry: ash::Entry,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     /// Boxed: the messenger holds its address.
     messages: Box<Messages>,
@@ -78,7 +78,7 @@ impl Instance {
         let raw = unsafe { entry.create_instance(&info, None) }
             .map_err(|result| failed("Making a Vulkan instance", result))?;
         let messenger = if names_objects { Some(start_messenger(&entry, &raw, &messages)?) } else { None };
-        Ok(Self { shared: Arc::new(Shared { raw, _entry: entry, messenger, messages, names_objects }) })
+        Ok(Self { shared: Arc::new(Shared { raw, entry, messenger, messages, names_objects }) })
     }
 
     /// Whether the validation layer is installed.
@@ -92,8 +92,10 @@ impl Instance {
         // SAFETY: the instance is alive.
         let raw = unsafe { self.shared.raw.enumerate_physical_devices() }
             .map_err(|result| failed("Listing the Vulkan devices", result))?;
-        let mut adapters: Vec<Adapter> =
-            raw.into_iter().map(|device| Adapter::probe(&self.shared.raw, device)).collect();
+        let mut adapters: Vec<Adapter> = raw
+            .into_iter()
+            .map(|device| Adapter::probe(&self.shared.entry, &self.shared.raw, device))
+            .collect();
         adapters.sort_by_key(|adapter| adapter.kind);
         Ok(adapters)
     }

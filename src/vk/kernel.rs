@@ -73,7 +73,9 @@ pub struct Pipeline {
     pub(super) raw: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
     set_layout: vk::DescriptorSetLayout,
-    kernel: &'static Kernel,
+    pub(super) kernel: &'static Kernel,
+    /// Whether the driver was asked to keep statistics.
+    pub(super) captures: bool,
     pub(super) device: Arc<Shared>,
 }
 
@@ -86,7 +88,29 @@ impl Pipeline {
         constants: &[(u32, u32)],
         push_bytes: u32,
     ) -> Result<Self> {
+        Self::for_computing(device, kernel, constants, push_bytes, false)
+    }
+
+    /// The same, but asks the driver to keep what [`Pipeline::statistics`] tells. That may change what the driver
+    /// keeps in its caches, so kernels that are timed are made by [`Pipeline::new`].
+    pub fn with_statistics(
+        device: &Device,
+        kernel: &'static Kernel,
+        constants: &[(u32, u32)],
+        push_bytes: u32,
+    ) -> Result<Self> {
+        Self::for_computing(device, kernel, constants, push_bytes, device.shared.statistics.is_some())
+    }
+
+    fn for_computing(
+        device: &Device,
+        kernel: &'static Kernel,
+        constants: &[(u32, u32)],
+        push_bytes: u32,
+        captures: bool,
+    ) -> Result<Self> {
         let mut pipeline = Self::without_code(device, kernel, vk::ShaderStageFlags::COMPUTE, push_bytes)?;
+        pipeline.captures = captures;
         pipeline.compile(constants).map_err(|result| failed(&preparing(kernel), result))?;
         pipeline.name();
         Ok(pipeline)
@@ -133,6 +157,7 @@ impl Pipeline {
             layout: vk::PipelineLayout::null(),
             set_layout: vk::DescriptorSetLayout::null(),
             kernel,
+            captures: false,
             device: shared.clone(),
         };
         let fail = |result| failed(&preparing(kernel), result);
@@ -166,7 +191,10 @@ impl Pipeline {
             .module(module.raw)
             .name(c"main")
             .specialization_info(&specialization);
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        if self.captures {
+            info = info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
+        }
         // SAFETY: everything pointed to lives until the call returns.
         let made =
             unsafe { self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };

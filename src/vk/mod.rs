@@ -2,24 +2,32 @@
 //! nothing of rays or trees.
 
 mod adapter;
+mod barrier;
 mod batch;
 mod buffer;
+mod calibrate;
 mod device;
 mod image;
 mod instance;
 mod kernel;
 mod memory;
 mod raster;
+mod statistics;
+mod timing;
 mod upload;
 
-pub use adapter::{Adapter, DeviceKind, Limits};
-pub use batch::{Access, Batch, Finished, Hazard, Timing};
+pub use adapter::{Adapter, DeviceKind, Limits, Subgroup};
+pub use barrier::{Access, Hazard};
+pub use batch::Batch;
 pub use buffer::{Buffer, BufferUse};
+pub use calibrate::{Calibration, Pair};
 pub use device::Device;
 pub use image::{Image, ImageFormat};
 pub use instance::{Instance, VALIDATION_LAYER};
 pub use kernel::{Binding, BoundKernel, Pipeline};
 pub use raster::Raster;
+pub use statistics::{PipelineStatistics, Statistic, StatisticValue};
+pub use timing::{Finished, HostTimes, Timing};
 
 use crate::error::Error;
 

@@ -1,6 +1,7 @@
 //! Moving data between host and device.
 
-use super::batch::{Access, Batch, Hazard};
+use super::barrier::{Access, Hazard};
+use super::batch::Batch;
 use super::buffer::{Buffer, BufferUse};
 use super::device::Device;
 use super::image::Image;

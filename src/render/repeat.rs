@@ -1,0 +1,77 @@
+//! One plan's frames again and again, with everything in place: what a benchmark times. A frame is the next samples of
+//! every pixel, as many as the plan's job has.
+
+use super::band::Band;
+use super::execute::bands;
+use super::stage::Stage;
+use super::tally::{KernelTime, Tally, Totals};
+use crate::error::Result;
+use crate::layout::Count;
+
+/// What a frame cost.
+#[derive(Clone, Debug)]
+pub struct FrameCost {
+    pub kernels: Vec<KernelTime>,
+    /// Rays that were traced.
+    pub totals: Totals,
+    /// Times that pixels were taken up again because a driver left loops early.
+    pub repeats: u32,
+}
+
+impl FrameCost {
+    /// Summed kernel time.
+    pub fn gpu_ms(&self) -> f64 {
+        self.kernels.iter().map(|kernel| kernel.gpu_ms).sum()
+    }
+}
+
+/// A stage and the pixels' state.
+pub struct Repeated<'a> {
+    stage: &'a Stage<'a>,
+    bands: Vec<Band<'a>>,
+    frames: u32,
+}
+
+impl<'a> Repeated<'a> {
+    pub fn new(stage: &'a Stage<'a>) -> Result<Self> {
+        let band = |(begin, end)| Band::new(stage, begin, end);
+        let bands = bands(stage.plan, stage.device).into_iter().map(band).collect::<Result<_>>()?;
+        Ok(Self { stage, bands, frames: 0 })
+    }
+
+    /// Renders the next frame. Passes that keep the camera rays' hits trace them in the first frame only, and after
+    /// [`Self::forget_hits`].
+    pub fn frame(&mut self) -> Result<FrameCost> {
+        let job = &self.stage.plan.job;
+        let each = job.samples.len() as u32;
+        let begin = job.samples.start + self.frames * each;
+        let mut ignore = |_: &_| {};
+        let mut tally = Tally::new(self.stage.plan, &mut ignore);
+        for band in &self.bands {
+            band.render(begin..begin + each, &mut tally)?;
+        }
+        self.frames += 1;
+        let Tally { totals, kernels, repeats, .. } = tally;
+        Ok(FrameCost { kernels: kernels.into_values().collect(), totals, repeats })
+    }
+
+    /// Frames rendered so far.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
+    /// As after a move of the camera.
+    pub fn forget_hits(&self) {
+        self.bands.iter().for_each(Band::forget_hits);
+    }
+
+    /// Counts of each pixel so far, by pixel number; none where means are kept.
+    pub fn counts(&self) -> Result<Vec<Count>> {
+        let samples = u64::from(self.frames) * self.stage.plan.job.samples.len() as u64;
+        let mut all = Vec::new();
+        for band in &self.bands {
+            all.extend(band.counts(samples)?);
+        }
+        Ok(all)
+    }
+}

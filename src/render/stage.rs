@@ -1,0 +1,96 @@
+//! A plan on a device: its kernels compiled, its scene uploaded.
+
+use std::rc::Rc;
+
+use super::choices::Passes;
+use super::execute::image_format;
+use super::plan::Plan;
+use super::schedule::Pace;
+use crate::error::Result;
+use crate::layout::Range;
+use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, Pipeline};
+
+/// The scene's arrays on a device; plans that read the same ones may share them.
+#[derive(Clone)]
+pub struct Uploaded {
+    pub nodes: Rc<Buffer>,
+    pub triangles: Rc<Buffer>,
+}
+
+impl Uploaded {
+    pub fn new(device: &Device, plan: &Plan<'_>) -> Result<Self> {
+        let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
+        Ok(Self {
+            nodes: Rc::new(Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?),
+            triangles: Rc::new(Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?),
+        })
+    }
+}
+
+/// What all bands of a render share.
+pub struct Stage<'a> {
+    pub device: &'a Device,
+    pub plan: &'a Plan<'a>,
+    /// Of the plan's kernels.
+    pub pipelines: Vec<Pipeline>,
+    pub nodes: Rc<Buffer>,
+    pub triangles: Rc<Buffer>,
+    pub frame: Buffer,
+    /// Running means, where they are kept.
+    pub image: Option<Image>,
+    pub pace: Pace,
+}
+
+impl<'a> Stage<'a> {
+    pub fn new(device: &'a Device, plan: &'a Plan<'a>) -> Result<Self> {
+        Self::with_uploaded(device, plan, Uploaded::new(device, plan)?)
+    }
+
+    /// With arrays that are there already; they must be the plan's.
+    pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
+        let compile =
+            |kernel: &&'static _| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32);
+        Ok(Self {
+            device,
+            plan,
+            pipelines: plan.kernels.iter().map(compile).collect::<Result<_>>()?,
+            nodes: uploaded.nodes,
+            triangles: uploaded.triangles,
+            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            image: new_image(device, plan)?,
+            pace: pace(device, plan),
+        })
+    }
+}
+
+fn new_image(device: &Device, plan: &Plan<'_>) -> Result<Option<Image>> {
+    let Some(format) = image_format(plan) else { return Ok(None) };
+    let image = Image::new(device, "mean image", format, plan.job.size)?;
+    let mut batch = Batch::new(device, 0)?;
+    batch.clear_image(&image);
+    batch.submit()?;
+    batch.wait()?;
+    Ok(Some(image))
+}
+
+/// What a device is expected to do before it was measured: for GPUs that may be integrated, slow enough to stay
+/// far from the two seconds after which drivers give up.
+fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
+    let adapter = device.adapter();
+    let (rays_per_ms, dispatch_ms, submit_ms, samples) = match adapter.kind {
+        DeviceKind::Discrete => (4e5, 100.0, 200.0, 16),
+        DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16),
+        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024),
+    };
+    // Where the work of a pixel is spread over many invocations, no long pixel holds up a dispatch.
+    let samples = if plan.settings.passes == Passes::Single { samples } else { 1024 };
+    let limits = &adapter.limits;
+    Pace {
+        rays_per_ms,
+        dispatch_ms,
+        submit_ms,
+        samples,
+        workgroups: limits.workgroups,
+        loop_iterations: limits.loop_iterations,
+    }
+}
