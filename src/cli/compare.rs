@@ -172,7 +172,13 @@ fn compare(
     let wishes = Wishes { preset: Some(Preset::Original), method: Some(method), ..Wishes::default() };
     let decision = auto::decide(&wishes, geometry, device.adapter());
     let plan = Plan::new(job, scene, geometry, &decision, &device.adapter().limits)?;
-    let effort = Effort { frames, warm_up: 4, patience_s: if arguments.quick { 8.0 } else { 120.0 } };
+    // Who asks for a number of frames gets them, however long they take.
+    let patience_s = match (arguments.frames, arguments.quick) {
+        (Some(_), _) => f64::INFINITY,
+        (None, true) => 8.0,
+        (None, false) => 120.0,
+    };
+    let effort = Effort { frames, warm_up: 4, patience_s };
     if let Form::Fragment = form {
         let inputs = fragment::Inputs::new(scene, geometry, &plan)?;
         // Its own device: once lavapipe has drawn, its timestamps of compute work are wrong.
