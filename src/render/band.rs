@@ -105,8 +105,10 @@ impl<'a> Band<'a> {
         if !counts_rays(self.inputs.plan) {
             return Ok(Vec::new());
         }
+        let begin = Instant::now();
         let counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.inputs.device)?);
         self.check_counts(&counts)?;
+        tally.phase("read counts", begin);
         Ok(counts)
     }
 

@@ -1,10 +1,13 @@
 //! Runs a plan on a Vulkan device.
 
+use std::time::Instant;
+
 use super::band::{Band, Inputs};
 use super::choices::Accumulator;
 use super::picture::Accumulated;
 use super::plan::Plan;
 use super::schedule::Pace;
+use super::spans::Spans;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
 use crate::kernels::find_kernel;
@@ -28,12 +31,28 @@ pub struct Outcome {
 
 /// Renders. `observe` hears of every finished submit.
 pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress)) -> Result<Outcome> {
+    run_traced(device, plan, observe, None)
+}
+
+/// The same, and notes in `spans` what happened when.
+pub fn run_traced(
+    device: &Device,
+    plan: &Plan<'_>,
+    observe: &mut dyn FnMut(&Progress),
+    spans: Option<&mut Spans>,
+) -> Result<Outcome> {
+    let mut tally = Tally::new(plan, observe);
+    tally.spans = spans;
+    let begin = Instant::now();
     let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
     let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
     let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
     let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
+    tally.phase("pack and upload", begin);
+    let begin = Instant::now();
     let pipeline =
         Pipeline::new(device, find_kernel(&plan.kernel)?, &plan.constants, size_of::<Range>() as u32)?;
+    tally.phase("compile kernel", begin);
     let image = new_image(device, plan)?;
     let inputs = Inputs {
         device,
@@ -45,17 +64,23 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
         image: image.as_ref(),
         pace: pace(device),
     };
-    let mut tally = Tally::new(plan, observe);
     let mut counts: Vec<Count> = Vec::new();
     for (begin, end) in bands(plan, device) {
-        counts.extend(Band::new(&inputs, begin, end)?.render(&mut tally)?);
+        let start = Instant::now();
+        let band = Band::new(&inputs, begin, end)?;
+        tally.phase("make buffers", start);
+        counts.extend(band.render(&mut tally)?);
     }
+    let begin = Instant::now();
     let accumulated = match (&image, image_format(plan)) {
         (Some(image), Some(format)) => {
             Accumulated::Means(pixels_of(format, &image.read(device, format.bytes_per_pixel())?))
         }
         _ => Accumulated::Counts(counts),
     };
+    if image.is_some() {
+        tally.phase("read image", begin);
+    }
     Ok(Outcome {
         accumulated,
         kernels: tally.kernels.into_values().collect(),

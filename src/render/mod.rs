@@ -3,6 +3,7 @@
 pub mod auto;
 mod band;
 pub mod choices;
+pub mod clock;
 pub mod execute;
 pub mod frames;
 pub mod geometry;
@@ -11,5 +12,6 @@ pub mod plan;
 pub mod raylist;
 pub mod schedule;
 pub mod seeds;
+pub mod spans;
 pub mod tally;
 pub mod tiles;
