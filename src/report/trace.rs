@@ -150,6 +150,7 @@ impl<'a> Timeline<'a> {
             ("record", host.record, host.submit),
             ("submit", host.submit, host.submitted),
             ("wait", host.wait, host.waited),
+            ("read timestamps", host.waited, host.read),
         ] {
             events.push(Event::span(name, HOST, (self.host(begin), self.host(end)), about.clone()));
         }
@@ -196,7 +197,14 @@ mod tests {
         let origin = Instant::now();
         let at = |ms| origin + Duration::from_millis(ms);
         let mut spans = Spans::new(origin);
-        let host = HostTimes { record: at(1), submit: at(2), submitted: at(3), wait: at(3), waited: at(9) };
+        let host = HostTimes {
+            record: at(1),
+            submit: at(2),
+            submitted: at(3),
+            wait: at(3),
+            waited: at(9),
+            read: at(9),
+        };
         let timing = Timing {
             label: "kernel".into(),
             gpu_ms: timestamps.then_some(5.0),
