@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup build render test test-all test-ignored lint clean
+.PHONY: help setup build render bench-scenes test test-all test-ignored lint clean
 
 COUSU := $(or $(CARGO_TARGET_DIR),target)/release/cousu
 
@@ -22,6 +22,9 @@ render: ## build, and render assets/cornell.obj to out/cornell.png
 	cargo build --release
 	@mkdir -p out
 	$(COUSU) render assets/cornell.obj --size 1024x640 --spp 256 -o out/cornell.png
+
+bench-scenes: ## fetch the real meshes that `cousu bench` also measures, into meshes/, which git ignores
+	@scripts/bench-scenes.sh meshes
 
 test: ## run the tests; without a Vulkan device they fail
 	@scripts/setup.sh build run test

@@ -317,6 +317,11 @@ constants! {
     /// Triangles that fit the uniform buffer of the original's first form.
     UNIFORM_TRIANGLES = 1024;
 
+    /// Steps of an invocation of the clock probe: under the shortest limit on loops that a driver has.
+    CLOCK_STEPS = 4096;
+    /// Its workgroups: enough to fill large GPUs.
+    CLOCK_GROUPS = 1024;
+
     /// No triangle.
     NO_HIT = 0xffff_ffff;
     /// No answer: the ray did not come to its end.

@@ -212,6 +212,8 @@ fn places_that_cannot_be_written_leave_nothing_behind() {
     fs::remove_file(&scene).unwrap();
     let same = path(folder.path(), "same.png");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--json", &same], 2, "written over");
+    fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--trace", &same], 2, "written over");
+    fails(&["render", CORNELL, "--size", "8x8", "--trace", &nowhere], 1, "folder does not exist");
     let kept = path(folder.path(), "kept.png");
     fs::write(&kept, "old").unwrap();
     fails(&["render", MAISON, "--method", "stack8", "--size", "8x8", "-o", &kept], 2, "overflow");

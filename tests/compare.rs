@@ -26,7 +26,8 @@ fn sixteen_frames_are_the_same_on_both() {
     for (scene, methods) in
         [("cornell", "fragment,brute,stack64,stack16,threaded"), ("maison", "stack64,stack16,threaded")]
     {
-        let (record, _folder) = compare(scene, &["--methods", methods, "--size", "320x200", "--frames", "16"]);
+        let (record, _folder) =
+            compare(scene, &["--methods", methods, "--size", "320x200", "--frames", "16"]);
         let rows = record["rows"].as_array().unwrap();
         assert_eq!(rows.len(), methods.split(',').count());
         for row in rows {

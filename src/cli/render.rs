@@ -15,12 +15,15 @@ use crate::render::execute;
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
+use crate::render::spans::Spans;
 use crate::report::atomic::Output;
 use crate::report::manifest::Manifest;
 use crate::report::png::Encoding;
 use crate::report::record::RenderRecord;
+use crate::report::trace::Timeline;
 use crate::report::{exr, png};
 use crate::scene::Scene;
+use crate::vk::Calibration;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -44,6 +47,9 @@ pub struct Arguments {
     /// Bounded ambient occlusion: occluders farther away than this do not count, units of the file
     #[arg(long, value_name = "D", value_parser = distance)]
     max_distance: Option<f64>,
+    /// Where a timeline of host and device goes, for Perfetto or chrome://tracing (Chrome trace format)
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// Write linear bytes into a PNG instead of sRGB
     #[arg(long)]
     linear: bool,
@@ -79,6 +85,7 @@ struct Outputs {
     picture: Option<(Format, Output)>,
     json: Option<Output>,
     json_to_stdout: bool,
+    trace: Option<Output>,
 }
 
 impl Outputs {
@@ -92,20 +99,22 @@ impl Outputs {
             Some(path) if !json_to_stdout => Some(Output::claim(path)?),
             _ => None,
         };
+        let trace = arguments.trace.as_deref().map(Output::claim).transpose()?;
         let places = [
             picture.as_ref().map(|(_, output)| output.path().to_path_buf()),
             json.as_ref().map(|output| output.path().to_path_buf()),
+            trace.as_ref().map(|output| output.path().to_path_buf()),
             std::fs::canonicalize(&arguments.scene).ok(),
         ];
         for (place, path) in places.iter().enumerate().filter(|(_, path)| path.is_some()) {
             if places[..place].contains(path) {
                 return Err(Error::usage(format!(
-                    "{} would be written over: give scene, picture and record different names.",
+                    "{} would be written over: give scene, picture, record and timeline different names.",
                     path.as_deref().unwrap_or(Path::new("")).display()
                 )));
             }
         }
-        Ok(Self { picture, json, json_to_stdout })
+        Ok(Self { picture, json, json_to_stdout, trace })
     }
 
     fn write(self, picture: &Picture, record: &RenderRecord, encoding: Encoding) -> Result<()> {
@@ -132,15 +141,23 @@ impl Outputs {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let start = Instant::now();
-    let outputs = Outputs::claim(arguments)?;
+    let mut spans = Spans::new(start);
+    let mut outputs = Outputs::claim(arguments)?;
+    let trace = outputs.trace.take();
+    let begin = Instant::now();
     let scene = Scene::load(&arguments.scene)?;
+    spans.phase("load scene", begin);
     if !scene.report.dropped.is_empty() {
         super::tell(&format!("{}: {} (see `cousu inspect`)", scene.path, scene.report.dropped));
     }
     let camera = arguments.camera.camera(&scene, arguments.choices.preset)?;
+    let begin = Instant::now();
     let device = session::open(&arguments.device)?;
+    spans.phase("open device", begin);
     let adapter = device.adapter();
+    let begin = Instant::now();
     let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    spans.phase("build tree", begin);
     if geometry.without_area > 0 {
         super::tell(&format!(
             "{}: {} triangles left out, whose area 32-bit floats do not see",
@@ -159,12 +176,31 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     let mut meter = Meter::new();
-    let outcome = execute::run(&device, &plan, &mut |progress| meter.observe(progress))?;
+    let mut calibration = if trace.is_some() { Calibration::new(&device)? } else { None };
+    let begin = Instant::now();
+    let wanted = trace.is_some().then_some(&mut spans);
+    let outcome = execute::run_traced(&device, &plan, &mut |progress| meter.observe(progress), wanted)?;
     meter.finish();
+    spans.phase("render", begin);
+    let begin = Instant::now();
     let picture = Picture::new(plan.tiles, &outcome.accumulated, arguments.spp);
+    spans.phase("resolve picture", begin);
     let manifest = Manifest::new(&scene, adapter, arguments.seed);
     let wall_s = start.elapsed().as_secs_f64();
     let record = RenderRecord::new(&scene, &plan, adapter, &outcome, manifest, wall_s);
     let encoding = if arguments.linear { Encoding::Linear } else { Encoding::Srgb };
-    outputs.write(&picture, &record, encoding)
+    let begin = Instant::now();
+    outputs.write(&picture, &record, encoding)?;
+    spans.phase("write results", begin);
+    if let Some(output) = trace {
+        if let Some(calibration) = &mut calibration {
+            calibration.again(&device)?;
+        }
+        let timeline = Timeline::new(&spans, calibration.as_ref(), &record.manifest);
+        if let Some(note) = timeline.note() {
+            super::tell(note);
+        }
+        output.write(|out| timeline.write(out))?;
+    }
+    Ok(())
 }

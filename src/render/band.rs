@@ -36,6 +36,8 @@ struct Slot {
 struct Flight<'a> {
     batch: Batch<'a>,
     ranges: Vec<Range>,
+    /// The range of each dispatch.
+    dispatched: Vec<Range>,
     /// Camera rays that it must begin, if that is known.
     camera_rays: Option<u64>,
     slot: &'a Slot,
@@ -153,7 +155,9 @@ impl<'a> Band<'a> {
                 submitted += 1;
                 in_flight.push_back(self.submit(&slots[place], &kernels[place], &mut recorder, ranges)?);
             }
-            let Some(Flight { batch, ranges, camera_rays, slot }) = in_flight.pop_front() else { break };
+            let Some(Flight { batch, ranges, dispatched, camera_rays, slot }) = in_flight.pop_front() else {
+                break;
+            };
             let finished = batch.wait()?;
             let wall_ms = last_end.elapsed().as_secs_f64() * 1e3;
             last_end = Instant::now();
@@ -164,7 +168,7 @@ impl<'a> Band<'a> {
             let rays = totals.primary_finished + totals.ambient_finished;
             scheduler.measured(&ranges, rays, device_ms(&finished).unwrap_or(wall_ms));
             missing += totals.missing();
-            tally.add(&ranges, &totals, &finished, wall_ms);
+            tally.add(&ranges, &dispatched, &totals, &finished, wall_ms);
         }
         Ok(missing)
     }
@@ -219,15 +223,17 @@ impl<'a> Band<'a> {
         batch.fill(&slot.counters, 0);
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
         let mut camera_rays = Some(0);
+        let mut dispatched = Vec::new();
         for range in &ranges {
             let asked = recorder.record(&mut batch, kernels, range)?;
             camera_rays = camera_rays.zip(asked).map(|(sum, more)| sum + more);
+            dispatched.resize(batch.dispatches(), *range);
         }
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::ShaderWrite, Access::TransferRead)]);
         batch.copy(&slot.counters, &slot.readback, 0, slot.counters.bytes());
         batch.barrier(&[Hazard::Buffer(&slot.readback, Access::TransferWrite, Access::HostRead)]);
         batch.submit()?;
-        Ok(Flight { batch, ranges, camera_rays, slot })
+        Ok(Flight { batch, ranges, dispatched, camera_rays, slot })
     }
 
     /// What the kernels keep for each pixel: written by one dispatch, read by the next.

@@ -1,10 +1,13 @@
 //! Runs a plan on a Vulkan device.
 
+use std::time::Instant;
+
 use super::band::Band;
 use super::choices::{Accumulator, Passes};
 use super::picture::Accumulated;
 use super::plan::Plan;
-use super::stage::Stage;
+use super::spans::Spans;
+use super::stage::{Stage, Uploaded};
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
 use crate::layout::{self, Carry, Count, RayRecord};
@@ -27,20 +30,44 @@ pub struct Outcome {
 
 /// Renders. `observe` hears of every finished submit.
 pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress)) -> Result<Outcome> {
-    let stage = Stage::new(device, plan)?;
+    run_traced(device, plan, observe, None)
+}
+
+/// The same, and notes in `spans` what happened when.
+pub fn run_traced(
+    device: &Device,
+    plan: &Plan<'_>,
+    observe: &mut dyn FnMut(&Progress),
+    spans: Option<&mut Spans>,
+) -> Result<Outcome> {
     let mut tally = Tally::new(plan, observe);
+    tally.spans = spans;
+    let begin = Instant::now();
+    let uploaded = Uploaded::new(device, plan)?;
+    tally.phase("pack and upload", begin);
+    let begin = Instant::now();
+    let stage = Stage::with_uploaded(device, plan, uploaded)?;
+    tally.phase("compile kernels", begin);
     let mut counts: Vec<Count> = Vec::new();
     for (begin, end) in bands(plan, device) {
+        let start = Instant::now();
         let band = Band::new(&stage, begin, end)?;
+        tally.phase("make buffers", start);
         band.render(plan.job.samples.clone(), &mut tally)?;
+        let start = Instant::now();
         counts.extend(band.counts(plan.job.samples.len() as u64)?);
+        tally.phase("read counts", start);
     }
+    let begin = Instant::now();
     let accumulated = match (&stage.image, image_format(plan)) {
         (Some(image), Some(format)) => {
             Accumulated::Means(pixels_of(format, &image.read(device, format.bytes_per_pixel())?))
         }
         _ => Accumulated::Counts(counts),
     };
+    if stage.image.is_some() {
+        tally.phase("read image", begin);
+    }
     Ok(Outcome {
         accumulated,
         kernels: tally.kernels.into_values().collect(),

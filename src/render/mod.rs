@@ -3,6 +3,7 @@
 pub mod auto;
 mod band;
 pub mod choices;
+pub mod clock;
 pub mod execute;
 pub mod frames;
 pub mod geometry;
@@ -13,6 +14,7 @@ pub mod raylist;
 pub mod repeat;
 pub mod schedule;
 pub mod seeds;
+pub mod spans;
 pub mod stage;
 pub mod tally;
 pub mod tiles;

@@ -1,8 +1,10 @@
 //! What the device reported of its work, summed up.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use super::plan::Plan;
+use super::spans::{Spans, Submit};
 use crate::layout::{Counters, Range, STAGE_CLOSEST};
 use crate::vk::Finished;
 
@@ -74,6 +76,8 @@ pub struct Tally<'a> {
     all: f64,
     triangles: u32,
     observe: &'a mut dyn FnMut(&Progress),
+    /// What happened when, where a timeline is wanted.
+    pub spans: Option<&'a mut Spans>,
 }
 
 impl<'a> Tally<'a> {
@@ -87,14 +91,36 @@ impl<'a> Tally<'a> {
             triangles: plan.frame.triangle_count,
             all: plan.tiles.padded_pixels() as f64 * plan.job.samples.len() as f64,
             observe,
+            spans: None,
         }
     }
 
-    /// Adds a finished submit: what it did, how long each dispatch took. `wall_ms`: for devices without
-    /// timestamps.
-    pub fn add(&mut self, ranges: &[Range], totals: &Totals, finished: &Finished, wall_ms: f64) {
+    /// Notes that a phase of the host's work ends now.
+    pub fn phase(&mut self, name: &'static str, begin: Instant) {
+        if let Some(spans) = &mut self.spans {
+            spans.phase(name, begin);
+        }
+    }
+
+    /// Adds a finished submit: what it did, how long each dispatch took. `dispatched`: the range of each dispatch;
+    /// `wall_ms`: for devices without timestamps.
+    pub fn add(
+        &mut self,
+        ranges: &[Range],
+        dispatched: &[Range],
+        totals: &Totals,
+        finished: &Finished,
+        wall_ms: f64,
+    ) {
         self.totals.add(totals);
         self.submits += 1;
+        if let Some(spans) = &mut self.spans {
+            spans.submits.push(Submit {
+                ranges: dispatched.to_vec(),
+                rays: totals.primary_finished + totals.ambient_finished,
+                finished: finished.clone(),
+            });
+        }
         let share = wall_ms / finished.timings.len().max(1) as f64;
         for timing in &finished.timings {
             let kernel = self.kernels.entry(timing.label.clone()).or_insert_with(|| KernelTime {

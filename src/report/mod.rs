@@ -5,3 +5,4 @@ pub mod exr;
 pub mod manifest;
 pub mod png;
 pub mod record;
+pub mod trace;

@@ -42,7 +42,7 @@ impl<'a> Batch<'a> {
             capacity: if shared.adapter.timestamps.is_some() { dispatches.max(1) } else { 0 },
             labels: Vec::new(),
             submitted: false,
-            host: HostTimes { record: now, submit: now, submitted: now, wait: now, waited: now },
+            host: HostTimes { record: now, submit: now, submitted: now, wait: now, waited: now, read: now },
             device: shared.clone(),
             used: std::marker::PhantomData,
         };
@@ -86,6 +86,11 @@ impl<'a> Batch<'a> {
         });
     }
 
+    /// How many dispatches are recorded.
+    pub fn dispatches(&self) -> usize {
+        self.labels.len()
+    }
+
     /// The same with numbers of workgroups that the device reads: three words at `offset` (in bytes, a multiple
     /// of 4) of a buffer that was made for it ([`BufferUse::Indirect`]). What wrote them needs a barrier to
     /// [`super::Access::IndirectRead`].
@@ -98,7 +103,7 @@ impl<'a> Batch<'a> {
         label: &str,
     ) -> Result<()> {
         let inside = offset.checked_add(12).is_some_and(|end| end <= groups.bytes);
-        if groups.usage != BufferUse::Indirect || offset % 4 != 0 || !inside {
+        if groups.usage != BufferUse::Indirect || !offset.is_multiple_of(4) || !inside {
             return Err(Error::other(format!(
                 "The numbers of workgroups of {label} can't be read at byte {offset} of the buffer {}: report this \
                  as a bug.",
@@ -224,6 +229,7 @@ impl<'a> Batch<'a> {
                     .map_err(|result| failed("Reading the timestamps", result))?;
             }
         }
+        self.host.read = Instant::now();
         let clock = DeviceClock::new(self.device.adapter.timestamps.unwrap_or((1.0, 64)));
         let labels = std::mem::take(&mut self.labels);
         let timings = labels.into_iter().enumerate().map(|(place, label)| {

@@ -75,6 +75,8 @@ pub struct HostTimes {
     pub wait: Instant,
     /// The device was done.
     pub waited: Instant,
+    /// The timestamps were read, for which some drivers wait until all other work is done too.
+    pub read: Instant,
 }
 
 /// What came of a batch.
