@@ -8,6 +8,27 @@ pub mod validate;
 use glam::Vec3;
 
 use crate::layout::Triangle;
+use crate::names::choices;
+
+choices! {
+    /// How a tree is made.
+    Builder {
+        /// The longest axis split at its middle, one triangle a leaf: the original's.
+        Midpoint = "midpoint",
+        /// Top-down by the surface area heuristic over bins.
+        Sah = "sah",
+        /// Bottom-up by locally ordered clustering, then reinsertion.
+        Ploc = "ploc",
+        /// The surface area heuristic with spatial splits: a triangle may stand in several leaves.
+        Sbvh = "sbvh",
+    }
+}
+
+/// Builds the tree of at least one triangle.
+pub fn build(_builder: Builder, triangles: &[Triangle], progress: &(dyn Fn(f64) + Sync)) -> Tree {
+    progress(0.0);
+    midpoint::build(triangles)
+}
 
 /// An axis-aligned box in device units.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,6 +3,7 @@
 use clap::Args;
 use glam::DVec3;
 
+use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
 use crate::scene::Scene;
@@ -19,6 +20,9 @@ pub struct ChoiceArguments {
     /// packet, postponed, wide
     #[arg(long, value_name = "METHOD")]
     pub method: Option<Method>,
+    /// How the tree is made
+    #[arg(long, value_enum)]
+    pub builder: Option<Builder>,
     /// How the work is cut into kernels
     #[arg(long, value_enum)]
     pub passes: Option<Passes>,
@@ -44,6 +48,7 @@ impl ChoiceArguments {
         Wishes {
             preset: Some(self.preset),
             method: self.method,
+            builder: self.builder,
             passes: self.passes,
             sampler: self.sampler,
             accumulator: self.accumulator,

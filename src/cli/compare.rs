@@ -114,7 +114,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             device.adapter().name
         ));
     }
-    let geometry = Geometry::build(&scene, false)?;
+    let geometry =
+        session::geometry(&scene, &Wishes { preset: Some(Preset::Original), ..Wishes::default() })?;
     let (width, height) = arguments.size.unwrap_or(if arguments.quick { (160, 100) } else { (1024, 640) });
     let mut record = Record {
         device: device.adapter().name.clone(),

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::session;
 use crate::error::Result;
-use crate::render::geometry::Geometry;
+use crate::render::choices::Wishes;
 use crate::scene::Scene;
 
 #[derive(Args)]
@@ -34,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         text += &format!("dropped     {}\n", report.dropped);
     }
-    let geometry = Geometry::build(&scene, true)?;
+    let geometry = session::geometry(&scene, &Wishes::default())?;
     if geometry.without_area > 0 {
         text += &format!(
             "too thin    {} triangles, whose area 32-bit floats do not see\n",

@@ -9,8 +9,6 @@ use super::args::ChoiceArguments;
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
 use crate::render::auto;
-use crate::render::choices::Preset;
-use crate::render::geometry::Geometry;
 use crate::scene::Scene;
 
 #[derive(Args)]
@@ -26,7 +24,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let (_instance, adapter) = session::adapter(&arguments.device)?;
-    let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, &adapter);
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);

@@ -1,6 +1,7 @@
-//! How far a render is: a bar on a terminal, a line now and then elsewhere.
+//! How far a render or the building of a tree is: a bar on a terminal, a line now and then elsewhere.
 
 use std::io::IsTerminal;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -20,13 +21,7 @@ pub struct Meter {
 
 impl Meter {
     pub fn new() -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3}% {msg}, {eta} left") {
-                bar.set_style(style);
-            }
-            bar
-        });
+        let bar = std::io::stderr().is_terminal().then(new_bar);
         Self { bar, started: Instant::now(), last_line: Instant::now() }
     }
 
@@ -52,6 +47,58 @@ impl Meter {
 
     pub fn finish(self) {
         if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn new_bar() -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3}% {msg}, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// The tree of a scene: silent if it is built fast, with a bar or lines if not.
+pub struct BuildMeter {
+    started: Instant,
+    shown: Mutex<Shown>,
+}
+
+/// What is on the screen.
+struct Shown {
+    bar: Option<ProgressBar>,
+    last_line: Instant,
+}
+
+/// Builds that are done sooner show nothing.
+const SILENT: Duration = Duration::from_secs(1);
+
+impl BuildMeter {
+    pub fn new() -> Self {
+        let started = Instant::now();
+        Self { started, shown: Mutex::new(Shown { bar: None, last_line: started }) }
+    }
+
+    /// `done` in [0, 1], from any thread. Whoever finds another at it goes on without waiting.
+    pub fn observe(&self, done: f64) {
+        if self.started.elapsed() < SILENT {
+            return;
+        }
+        let Ok(mut shown) = self.shown.try_lock() else { return };
+        if std::io::stderr().is_terminal() {
+            let bar = shown.bar.get_or_insert_with(new_bar);
+            bar.set_message("building the tree");
+            bar.set_position((done * STEPS as f64) as u64);
+        } else if shown.last_line.elapsed() >= LINE_EVERY {
+            shown.last_line = Instant::now();
+            super::tell(&format!("{:.0}% of the tree built", done * 100.0));
+        }
+    }
+
+    pub fn finish(self) {
+        if let Some(bar) = self.shown.into_inner().unwrap_or_else(PoisonError::into_inner).bar {
             bar.finish_and_clear();
         }
     }

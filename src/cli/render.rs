@@ -10,9 +10,7 @@ use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
 use crate::render::auto;
-use crate::render::choices::Preset;
 use crate::render::execute;
-use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::spans::Spans;
@@ -156,7 +154,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     spans.phase("open device", begin);
     let adapter = device.adapter();
     let begin = Instant::now();
-    let geometry = Geometry::build(&scene, arguments.choices.preset != Preset::Original)?;
+    let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
     spans.phase("build tree", begin);
     if geometry.without_area > 0 {
         super::tell(&format!(

@@ -2,7 +2,12 @@
 
 use clap::Args;
 
+use super::progress::BuildMeter;
 use crate::error::Result;
+use crate::render::auto;
+use crate::render::choices::{Preset, Wishes};
+use crate::render::geometry::Geometry;
+use crate::scene::Scene;
 use crate::vk::{Adapter, Device, DeviceKind, Instance};
 
 /// Which device, and how closely it is watched.
@@ -35,4 +40,14 @@ pub fn open(arguments: &DeviceArguments) -> Result<Device> {
         ));
     }
     Device::open(&instance, &adapter)
+}
+
+/// The scene as the device gets it, with the tree that the choices ask for.
+pub fn geometry(scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
+    let meter = BuildMeter::new();
+    let conditioned = wishes.preset != Some(Preset::Original);
+    let builder = auto::choose_builder(wishes);
+    let geometry = Geometry::build(scene, conditioned, builder, &|done| meter.observe(done))?;
+    meter.finish();
+    Ok(geometry)
 }

@@ -3,6 +3,7 @@
 
 use super::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
 use super::geometry::Geometry;
+use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::vk::{Adapter, DeviceKind};
 
@@ -43,6 +44,18 @@ pub struct Decision {
 const BRUTE_UP_TO: usize = 32;
 const BRUTE_UP_TO_ON_CPU: usize = 8;
 
+/// The tree's builder, chosen before there is a tree.
+pub fn choose_builder(wishes: &Wishes) -> Builder {
+    let original = wishes.preset == Some(Preset::Original);
+    let reads_no_tree = wishes.method == Some(Method::Brute);
+    // `brute` reads the triangles alone, each once.
+    if reads_no_tree || original && wishes.builder.is_none() {
+        Builder::Midpoint
+    } else {
+        wishes.builder.unwrap_or(Builder::Sah)
+    }
+}
+
 /// Makes every choice that `wishes` leaves open.
 pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decision {
     let mut reasons = Vec::new();
@@ -55,6 +68,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             let of_original = Settings {
                 preset,
                 method: wishes.method.unwrap_or(Method::Threaded),
+                builder: geometry.builder,
                 passes: wishes.passes.unwrap_or(Passes::Single),
                 sampler: wishes.sampler.unwrap_or(Sampler::Lcg),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Rgba8),
@@ -91,6 +105,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             Settings {
                 preset,
                 method,
+                builder: geometry.builder,
                 passes: wishes.passes.unwrap_or(Passes::Single),
                 sampler: wishes.sampler.unwrap_or(Sampler::Pcg),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
@@ -101,7 +116,13 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     };
     let (accessor, why) = choose_accessor(&settings, geometry, adapter);
     note("accessor", accessor.name().into(), why);
-    note("builder", "midpoint".into(), "the one there is");
+    let why = match (settings.method, wishes.builder) {
+        (Method::Brute, _) => "brute reads no tree, so the one that is built fastest",
+        (_, Some(_)) => asked,
+        _ if preset == Preset::Original => "as the original",
+        _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
+    };
+    note("builder", settings.builder.name().into(), why);
     note("intersector", "moller".into(), "the one there is");
     Decision { settings, accessor, reasons }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::bvh::{self, Tree};
+use crate::bvh::{self, Builder, Tree};
 use crate::error::{Error, Result};
 use crate::layout::Triangle;
 use crate::pack;
@@ -13,6 +13,7 @@ use crate::scene::condition::{self, Placement};
 
 /// Placed triangles and the tree over them.
 pub struct Geometry {
+    pub builder: Builder,
     pub placement: Placement,
     /// In the order of the tree's leaves.
     pub triangles: Vec<Triangle>,
@@ -28,8 +29,13 @@ pub struct Geometry {
 
 impl Geometry {
     /// Places the scene (`conditioned`: moved and scaled; otherwise in the file's units) and builds the
-    /// midpoint tree.
-    pub fn build(scene: &Scene, conditioned: bool) -> Result<Self> {
+    /// tree. `progress` hears of the part of the tree that is built, from any thread.
+    pub fn build(
+        scene: &Scene,
+        conditioned: bool,
+        builder: Builder,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Self> {
         let most = pack::MOST_TRIANGLES;
         if scene.mesh.triangles.len() > most {
             return Err(Error::input(format!(
@@ -52,10 +58,11 @@ impl Geometry {
             )));
         }
         let start = Instant::now();
-        let tree = bvh::midpoint::build(&placed);
+        let tree = bvh::build(builder, &placed, progress);
         let triangles = pack::triangles(&tree, &placed);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(Self {
+            builder,
             placement,
             box_pad: pack::box_pad(&placed),
             stack_bound: bvh::stack::stack_bound(&tree),

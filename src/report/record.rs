@@ -83,7 +83,7 @@ impl RenderRecord {
             spp: plan.job.samples.len() as u32,
             preset: settings.preset.name(),
             method: settings.method.to_string(),
-            builder: "midpoint",
+            builder: settings.builder.name(),
             passes: settings.passes.name(),
             sampler: settings.sampler.name(),
             accumulator: settings.accumulator.name(),

@@ -63,7 +63,8 @@ pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Jo
 }
 
 pub fn geometry(scene: &Scene, preset: Preset) -> Geometry {
-    Geometry::build(scene, preset != Preset::Original).expect("a tree")
+    let builder = auto::choose_builder(&Wishes { preset: Some(preset), ..Wishes::default() });
+    Geometry::build(scene, preset != Preset::Original, builder, &|_| {}).expect("a tree")
 }
 
 pub fn plan<'a>(
