@@ -8,6 +8,7 @@ pub mod gl;
 pub mod kernels;
 pub mod lab;
 pub mod layout;
+mod names;
 pub mod pack;
 pub mod reference;
 pub mod render;
