@@ -1,7 +1,18 @@
 //! Trees of boxes over triangles: builders and what is computed from a tree. No GPU in here.
 
+mod bins;
+mod clip;
 pub mod midpoint;
+mod part;
+pub mod ploc;
+mod progress;
+pub mod quality;
+pub mod sah;
+pub mod sbvh;
+mod spatial;
 pub mod stack;
+#[cfg(test)]
+mod tests;
 pub mod thread;
 pub mod validate;
 
@@ -9,6 +20,7 @@ use glam::Vec3;
 
 use crate::layout::Triangle;
 use crate::names::choices;
+use progress::Progress;
 
 choices! {
     /// How a tree is made.
@@ -24,11 +36,32 @@ choices! {
     }
 }
 
-/// Builds the tree of at least one triangle.
-pub fn build(_builder: Builder, triangles: &[Triangle], progress: &(dyn Fn(f64) + Sync)) -> Tree {
+/// Builds the tree of at least one triangle. The result does not depend on the number of threads. Calls
+/// `progress` now and then, from any thread, with the part done, in [0, 1].
+pub fn build(builder: Builder, triangles: &[Triangle], progress: &(dyn Fn(f64) + Sync)) -> Tree {
     progress(0.0);
-    midpoint::build(triangles)
+    let counter = Progress::new(triangles.len(), progress);
+    let tree = match builder {
+        Builder::Midpoint => midpoint::build(triangles),
+        Builder::Sah => sah::build(triangles, &counter),
+        Builder::Ploc => ploc::build(triangles, &counter),
+        Builder::Sbvh => sbvh::build(triangles, &counter),
+    };
+    progress(1.0);
+    tree
 }
+
+/// Cost of testing a ray against the box of an inner node, the unit of the surface area heuristic.
+pub const BOX_COST: f64 = 1.0;
+
+/// Cost of testing a ray against a triangle, in units of [`BOX_COST`].
+pub const TRIANGLE_COST: f64 = 1.0;
+
+/// Below this level a builder stops to weigh splits and halves its list, so that every tree is shallow.
+const WEIGHED_LEVELS: u32 = 60;
+
+/// Below this many triangles a subtree is built by the thread that comes to it.
+const PARALLEL_FROM: usize = 4096;
 
 /// An axis-aligned box in device units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +79,21 @@ impl Aabb {
 
     pub fn contains(&self, other: &Self) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
+    }
+
+    pub fn intersection(&self, other: &Self) -> Self {
+        Self { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
+    /// Half the surface; 0 for an empty box. In f64, where no finite box overflows.
+    pub fn half_area(&self) -> f64 {
+        let size = self.max.as_dvec3() - self.min.as_dvec3();
+        if size.min_element() < 0.0 { 0.0 } else { size.x * size.y + size.y * size.z + size.z * size.x }
+    }
+
+    /// Its middle; finite for every finite box.
+    pub fn center(&self) -> Vec3 {
+        self.min * 0.5 + self.max * 0.5
     }
 
     /// The box of a triangle's corners as the shaders compute them: a, a + ab, a + ac.

@@ -15,7 +15,7 @@ pub mod surface;
 pub mod traverse;
 
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 

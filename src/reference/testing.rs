@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::{Choices, Inputs, Traversal};
-use crate::bvh::midpoint;
 use crate::bvh::stack::stack_bound;
+use crate::bvh::{Tree, midpoint};
 use crate::layout::{Frame, SAMPLER_PCG, Triangle};
 use crate::pack::{self, NodeArrays};
 use crate::reference::ray::Ray;
@@ -187,11 +187,15 @@ pub struct Scene {
 
 impl Scene {
     pub fn of(triangles: Vec<Triangle>) -> Self {
-        let tree = midpoint::build(&triangles);
-        let box_pad = pack::box_pad(&triangles);
+        Self::with(&midpoint::build(&triangles), &triangles)
+    }
+
+    /// A tree over these triangles.
+    pub fn with(tree: &Tree, triangles: &[Triangle]) -> Self {
+        let box_pad = pack::box_pad(triangles);
         let frame = Frame {
             node_count: tree.nodes.len() as u32,
-            triangle_count: triangles.len() as u32,
+            triangle_count: tree.order.len() as u32,
             box_pad,
             ambient_t_max: f32::MAX,
             camera_t_max: f32::MAX,
@@ -201,9 +205,9 @@ impl Scene {
         };
         Self {
             frame,
-            triangles: pack::triangles(&tree, &triangles),
-            tree: NodeArrays::new(&tree, box_pad),
-            stack_bound: stack_bound(&tree),
+            triangles: pack::triangles(tree, triangles),
+            tree: NodeArrays::new(tree, box_pad),
+            stack_bound: stack_bound(tree),
         }
     }
 

@@ -30,4 +30,6 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
 }
 
 #[cfg(test)]
+mod builder_tests;
+#[cfg(test)]
 mod tests;

@@ -1,0 +1,123 @@
+//! Hits do not depend on how the tree was built, bit for bit.
+
+use glam::Vec3;
+
+use super::*;
+use crate::bvh::quality::Quality;
+use crate::bvh::{Builder, build};
+use crate::layout::{NO_HIT, Triangle};
+use crate::reference::ray::no_hit;
+use crate::reference::testing::{KINDS, Random, Scene, aimed_ray, triangle, triangles_of};
+
+const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
+
+/// Bits of a hit but for its place in the array.
+fn bits(hit: Hit) -> [u32; 4] {
+    [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.id]
+}
+
+/// Long walls, floors and roofs, whole and tilted, with small things between: what spatial splits are for.
+fn hall(seed: u64, count: usize) -> Vec<Triangle> {
+    let mut random = Random::new(seed);
+    (0..count as u32)
+        .map(|id| {
+            let (along, across) = match random.below(3) {
+                0 => (random.axis(), random.direction()),
+                1 => (random.axis(), random.axis()),
+                _ => (random.direction(), random.direction()),
+            };
+            let (length, width) = match random.below(3) {
+                0 => (1.5, 0.4),
+                1 => (1.0, 1.0),
+                _ => (0.1, 0.1),
+            };
+            triangle(id, random.point(), along * length * random.unit(), across * width * random.unit())
+        })
+        .collect()
+}
+
+/// A ray at a point of an edge, a corner or the inside, nearly in the triangle's plane, from near to ten times the
+/// scene's size.
+fn grazing_ray(random: &mut Random, target: &Triangle) -> Ray {
+    let [a, ab, ac] = [target.a, target.ab, target.ac].map(Vec3::from);
+    let (u, v) =
+        [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.0), (0.3, 0.3), (0.2, 0.8)][random.below(6) as usize];
+    let point = a + u * ab + v * ac;
+    let in_plane = match random.below(4) {
+        0 => ab,
+        1 => ac,
+        2 => ac - ab,
+        _ => ab * random.signed() + ac * random.signed(),
+    };
+    let tilt = 2f32.powi(-(random.below(26) as i32));
+    let direction = in_plane.normalize_or(Vec3::X) + ab.cross(ac).normalize_or(Vec3::Y) * tilt;
+    let distance = [0.5, 2.0, 8.0, 20.0][random.below(4) as usize] * random.unit();
+    Ray { origin: point - direction * distance, direction, t_max: f32::MAX }
+}
+
+/// Rays that a traversal of the tree answers otherwise than a test of every triangle, of `count` of each kind.
+fn differences(
+    tree_scene: &Scene,
+    plain: &Scene,
+    triangles: &[Triangle],
+    seed: u64,
+    count: usize,
+) -> Vec<String> {
+    let mut random = Random::new(seed);
+    let stack = Traversal::Stack { size: tree_scene.stack_bound };
+    let mut found = Vec::new();
+    for i in 0..2 * count {
+        let target = &triangles[random.below(triangles.len() as u32) as usize];
+        let ray = if i < count { aimed_ray(&mut random, target) } else { grazing_ray(&mut random, target) };
+        let brute = plain.by(Traversal::Brute);
+        let (hit, _) = closest_hit(&brute, &ray, no_hit(ray.t_max));
+        for traversal in [stack, Traversal::Threaded] {
+            let inputs = tree_scene.by(traversal);
+            let (other, overflowed) = closest_hit(&inputs, &ray, no_hit(ray.t_max));
+            assert!(!overflowed);
+            let any = any_hit(&inputs, &ray).0;
+            if bits(other) != bits(hit) || any != (hit.index != NO_HIT) {
+                found.push(format!("{traversal:?} {ray:?}: {other:?} any {any}, not {hit:?}"));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_builder_gives_the_same_bits() {
+    for kind in KINDS {
+        for count in [2, 30, 600] {
+            let triangles = triangles_of(kind, 60 + count as u64, count);
+            let plain = Scene::of(triangles.clone());
+            for builder in BUILDERS {
+                let tree = build(builder, &triangles, &|_| ());
+                let scene = Scene::with(&tree, &triangles);
+                let wrong = differences(&scene, &plain, &triangles, 61, 400);
+                assert!(
+                    wrong.is_empty(),
+                    "{builder} {count} of {kind:?}: {} such as {}",
+                    wrong.len(),
+                    wrong[0]
+                );
+            }
+        }
+    }
+}
+
+/// Scenes whose triangles are cut, and rays that lie on the edge of being lost.
+#[test]
+fn spatial_splits_lose_no_hit() {
+    let mut duplicates = 0;
+    for seed in 0..12 {
+        let triangles = hall(70 + seed, 60 + 30 * seed as usize);
+        let plain = Scene::of(triangles.clone());
+        let tree = build(Builder::Sbvh, &triangles, &|_| ());
+        duplicates += Quality::of(&tree, &triangles).duplicates;
+        let scene = Scene::with(&tree, &triangles);
+        let wrong = differences(&scene, &plain, &triangles, 71 + seed, 4000);
+        assert!(wrong.is_empty(), "{} such as {}", wrong.len(), wrong[0]);
+    }
+    println!("{duplicates} duplicates");
+    assert!(duplicates > 200, "{duplicates}: too few cuts to prove anything");
+}
