@@ -25,7 +25,8 @@ impl<'a> ClockProbe<'a> {
         })
     }
 
-    /// Device time of the probe, ms; the host's waiting time on a device without timestamps.
+    /// Device time of the probe, ms; the host's waiting time on a device without timestamps. The first one or two
+    /// after a pause also show how the device wakes up.
     pub fn measure(&self) -> Result<f64> {
         let kernel = self.pipeline.bind(&[(BINDING_HITS, Binding::Buffer(&self.results))])?;
         let mut batch = Batch::new(self.device, 1)?;

@@ -93,7 +93,7 @@ impl<'a> Batch<'a> {
 
     /// The same with numbers of workgroups that the device reads: three words at `offset` (in bytes, a multiple
     /// of 4) of a buffer that was made for it ([`BufferUse::Indirect`]). What wrote them needs a barrier to
-    /// [`super::Access::IndirectRead`].
+    /// [`super::Access::IndirectRead`], and keeps them within [`super::Limits::workgroups`].
     pub fn dispatch_indirect(
         &mut self,
         kernel: &'a BoundKernel<'_>,

@@ -22,6 +22,9 @@ impl Buffer {
             let offset = (number * PIECE_BYTES) as u64;
             batch.copy(&staging, &buffer, offset, piece.len() as u64);
             batch.barrier(&[Hazard::Buffer(&buffer, Access::TransferWrite, Access::ShaderRead)]);
+            if usage == BufferUse::Indirect {
+                batch.barrier(&[Hazard::Buffer(&buffer, Access::TransferWrite, Access::IndirectRead)]);
+            }
             batch.submit()?;
             batch.wait()?;
         }
