@@ -3,8 +3,10 @@
 mod common;
 
 use common::{every_traversal, geometry, job, plan, plan_decided, run, scene_named, with_device};
+use cousu::bvh::Builder;
 use cousu::render::auto;
 use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Wishes};
+use cousu::render::geometry::Geometry;
 use cousu::render::picture::{Accumulated, Picture};
 use cousu::vk::Device;
 
@@ -92,13 +94,13 @@ fn accumulators_agree_within_their_rounding() {
     });
 }
 
-/// maison needs more than 16 entries: stack16 is refused with the figure, or counts the rays it loses,
+/// maison's midpoint tree needs more than 16 entries: stack16 is refused with the figure, or counts the rays it loses,
 /// and the others' counts stay whole.
 #[test]
 fn an_undersized_stack_is_refused_or_reported() {
     with_device(|device| {
         let scene = scene_named("maison", None);
-        let geometry = geometry(&scene, Preset::Auto);
+        let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
         let stack16 = Method::Stack(16);
         let refusal = auto::check_stack(stack16, &geometry, false).expect_err("16 entries are too few");
         assert!(
