@@ -23,8 +23,11 @@
 //!
 //! The slab test of a face adds 4 e S. Together 20 e S / sin(a), which [`slack`] bounds for rays whose
 //! S is at most 25 times the scene's largest coordinate: origins within some ten sizes of the scene. From farther
-//! away a hit may be lost where its own rounding moves it by more than the slack. Neither are triangles split
-//! whose angle at the corner has a sine below [`SMALLEST_SINE`]: their slack would be worth no split.
+//! away a hit may be lost where its own rounding moves it by more than the slack. Triangles
+//! whose angle at the corner has a sine below [`SMALLEST_SINE`] are not split: their slack would be worth no split.
+//!
+//! The nearest point of the plane may lie in the next cell: so the plane is clipped to the cell grown by the slack,
+//! and what that gives is grown by the slack once more.
 //!
 //! A part never reaches beyond the triangle's own box, into which t is brought by the slab test itself.
 
@@ -34,7 +37,7 @@ use super::Aabb;
 use crate::layout::Triangle;
 
 /// Triangles with a smaller sine at the corner that edges start from are not split.
-const SMALLEST_SINE: f64 = 0.125;
+const SMALLEST_SINE: f64 = 1.0 / 1024.0;
 
 /// By how much parts of a triangle are grown, in the scene's units: 2^-15 of `largest`, the scene's largest
 /// coordinate, over the sine at the corner. 0 for a triangle that is not to be split.
@@ -143,14 +146,16 @@ fn rectangle(a: DVec3, normal: DVec3, across: usize, low: DVec3, high: DVec3) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::testing::{Random, triangle};
+    use crate::reference::intersect::intersect_guarded;
+    use crate::reference::slabs::{meets_box, slabs_of};
+    use crate::reference::testing::{Random, aimed_ray, grazing_ray, triangle};
 
     #[test]
     fn needles_are_not_split() {
         let with = |ac: Vec3| slack(&triangle(0, Vec3::ZERO, Vec3::X, ac), 1.0);
         assert_eq!(with(Vec3::Y), 2f32.powi(-15));
-        assert_eq!(with(Vec3::new(1.0, 0.1, 0.0)), 0.0);
-        assert!(with(Vec3::new(1.0, 0.2, 0.0)) > 4.0 * 2f32.powi(-15));
+        assert_eq!(with(Vec3::new(1.0, 0.0005, 0.0)), 0.0);
+        assert!(with(Vec3::new(1.0, 0.01, 0.0)) > 99.0 * 2f32.powi(-15));
         assert_eq!(with(Vec3::ZERO), 0.0);
         assert_eq!(slack(&triangle(0, Vec3::ZERO, Vec3::X, Vec3::Y), f32::INFINITY), 0.0);
     }
@@ -189,5 +194,59 @@ mod tests {
                 assert!(near.contains(&bounds) && own.contains(&bounds), "{bounds:?} {cell:?}");
             }
         }
+    }
+
+    /// Cuts a triangle at random planes, as a builder does.
+    fn parts_of(random: &mut Random, one: &Triangle, slack: f32) -> Vec<Aabb> {
+        let own = Aabb::of(one);
+        let mut parts = vec![(own, own)];
+        for _ in 0..40 {
+            let place = random.below(parts.len() as u32) as usize;
+            let axis = random.below(3) as usize;
+            let (mut low, mut high) = (parts[place].0, parts[place].0);
+            let at = low.min[axis] + (low.max[axis] - low.min[axis]) * random.unit();
+            low.max[axis] = at;
+            high.min[axis] = at;
+            let bounds = [low, high].map(|cell| part_bounds(one, slack, &cell));
+            if let [Some(left), Some(right)] = bounds {
+                parts[place] = (low, left);
+                parts.push((high, right));
+            }
+        }
+        parts.into_iter().map(|(_, bounds)| bounds).collect()
+    }
+
+    /// A hit that the intersector reports is found by way of a part, even by a traversal that asks for
+    /// nothing beyond its distance.
+    #[test]
+    fn every_hit_lies_in_a_part() {
+        let mut random = Random::new(41);
+        let (mut hits, mut cut) = (0, 0);
+        for round in 0..6000 {
+            // In planes along axes, nearly so, and askew.
+            let thin = [1.0, 0.9999, 0.0][round % 3];
+            let flat = Vec3::ONE - random.axis().abs() * thin;
+            let (ab, ac) = (random.point() * flat, random.point() * flat);
+            let ac = if round % 4 == 0 { ab * random.unit() + ac * 0.02 } else { ac };
+            let one = triangle(0, random.point() * 0.5, ab * 0.5, ac * 0.5);
+            let slack = slack(&one, 1.0);
+            if slack == 0.0 {
+                continue;
+            }
+            let pad = 2f32.powi(-21);
+            let parts = parts_of(&mut random, &one, slack);
+            cut += parts.len() - 1;
+            for i in 0..600 {
+                let ray =
+                    if i % 2 == 0 { grazing_ray(&mut random, &one) } else { aimed_ray(&mut random, &one) };
+                let slabs = slabs_of(&ray, true);
+                let Some([t, ..]) = intersect_guarded(&ray, &slabs, &one, pad, ray.t_max) else { continue };
+                hits += 1;
+                let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
+                assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}");
+            }
+        }
+        println!("{hits} hits, {cut} cuts");
+        assert!(hits > 100_000 && cut > 10_000, "{hits} hits, {cut} cuts");
     }
 }

@@ -9,19 +9,10 @@ use super::quality::Quality;
 use super::validate::{validate, validate_skips};
 use super::*;
 use crate::layout::LEAF_LIMIT;
-use crate::reference::testing::{KINDS, Random, soup, triangle, triangles_of};
-use crate::scene::condition::{Placement, place};
-use crate::scene::procedural::{Request, find};
+use crate::reference::testing::{KINDS, Random, procedural, soup, triangle, triangles_of};
 
 fn builders() -> &'static [Builder] {
     Builder::value_variants()
-}
-
-/// A procedural scene, placed as a render places it.
-fn procedural(name: &str, triangles: Option<u64>) -> Vec<Triangle> {
-    let mesh = (find(name).unwrap().generate)(&Request { triangles, seed: 1 }).unwrap();
-    let placement = Placement::conditioned(&mesh.bounds());
-    place(&mesh, &placement)
 }
 
 fn quiet(builder: Builder, triangles: &[Triangle]) -> Tree {
@@ -61,10 +52,18 @@ fn degenerate() -> Vec<(&'static str, Vec<Triangle>)> {
         ("two that coincide", vec![right(0, Vec3::ONE); 2]),
         ("many that coincide", (0..20_000).map(|id| right(id, Vec3::ONE)).collect()),
         ("a row", (0..5000).map(|id| right(id, Vec3::X * id as f32)).collect()),
-        ("points of a line", (0..5000).map(|id| triangle(id, Vec3::X * id as f32, Vec3::X, Vec3::X)).collect()),
+        (
+            "points of a line",
+            (0..5000).map(|id| triangle(id, Vec3::X * id as f32, Vec3::X, Vec3::X)).collect(),
+        ),
         ("one point", (0..3000).map(|id| triangle(id, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO)).collect()),
         ("one plane", {
-            let flat = |t: Triangle| Triangle { a: [t.a[0], t.a[1], 0.5], ab: [t.ab[0], t.ab[1], 0.0], ac: [t.ac[0], t.ac[1], 0.0], ..t };
+            let flat = |t: Triangle| Triangle {
+                a: [t.a[0], t.a[1], 0.5],
+                ab: [t.ab[0], t.ab[1], 0.0],
+                ac: [t.ac[0], t.ac[1], 0.0],
+                ..t
+            };
             soup(51, 3000, 0.3).into_iter().map(flat).collect()
         }),
         ("huge", scaled(soup(52, 2000, 1.0), 1e38)),
@@ -117,25 +116,35 @@ fn every_kind_of_scene_gives_valid_trees() {
 
 #[test]
 fn better_builders_cost_less_on_procedural_scenes() {
-    for (name, count) in
-        [("maison", None), ("arcade", None), ("cornell", None), ("terrain", Some(20_000)), ("hairball", Some(20_000)), ("stadium", None)]
-    {
+    for (name, count) in [
+        ("maison", None),
+        ("arcade", None),
+        ("cornell", None),
+        ("terrain", Some(20_000)),
+        ("hairball", Some(20_000)),
+        ("stadium", None),
+    ] {
         let triangles = procedural(name, count);
-        let [midpoint, sah, ploc, sbvh] =
-            [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh].map(|builder| checked(builder, &triangles, name));
+        let [midpoint, sah, ploc, sbvh] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh]
+            .map(|builder| checked(builder, &triangles, name));
         println!("{name}, {} triangles", triangles.len());
         for quality in [midpoint, sah, ploc, sbvh] {
             println!("  {quality:?}");
         }
         assert!(sah.sah_cost < midpoint.sah_cost, "{name}: {sah:?} {midpoint:?}");
-        assert!(ploc.sah_cost < 1.05 * sah.sah_cost, "{name}: {ploc:?} {sah:?}");
-        assert!(sbvh.sah_cost < 1.01 * sah.sah_cost, "{name}: {sbvh:?} {sah:?}");
+        // Clustering is no match for planes on a regular grid.
+        let limit = if name == "terrain" { 1.15 } else { 1.01 };
+        assert!(ploc.sah_cost < limit * sah.sah_cost, "{name}: {ploc:?} {sah:?}");
+        assert!(ploc.sah_cost < midpoint.sah_cost, "{name}: {ploc:?} {midpoint:?}");
+        assert!(sbvh.sah_cost < 1.02 * sah.sah_cost, "{name}: {sbvh:?} {sah:?}");
     }
 }
 
 #[test]
 fn trees_do_not_depend_on_the_number_of_threads() {
-    for triangles in [procedural("arcade", None), procedural("terrain", Some(150_000)), degenerate().swap_remove(2).1] {
+    for triangles in
+        [procedural("arcade", None), procedural("terrain", Some(150_000)), degenerate().swap_remove(2).1]
+    {
         for &builder in builders() {
             let trees = [1, 2, 3].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
