@@ -3,40 +3,40 @@
 //!
 //! # What a part's box must contain
 //!
-//! The guarded intersector (Möller and Trumbore, in f32) accepts a triangle and reports a distance t, brought into
-//! the triangle's own box. A traversal finds that hit at that distance if the ray's point at t lies
-//! well inside the box of one of the triangle's parts: the slab test then enters the box before t and leaves
-//! it after. The point is rounded twice over.
+//! The guarded intersector (Möller and Trumbore, in f32) accepts a triangle and reports a distance t, brought
+//! into the triangle's own box. A traversal finds that hit if the ray's point at t lies well inside the box of one
+//! of the triangle's parts: then the slab test enters the box before t and leaves it after. Rounding moves the
+//! point in two ways.
 //!
-//! *Its distance from the triangle's plane.* With n = ab x ac, t is the quotient of n . s and n . d, both computed
-//! as triple products of three vectors: they are off by at most gamma(6) and gamma(5) times the products of the
-//! vectors' lengths (times 1.155, the largest permanent of three unit vectors). So the point at t is off the
-//! plane by at most 16 e S / sin(a), where e = 2^-24, S is the larger of the distances from the triangle's corner to
-//! the ray's origin and from there to the point, and a is the triangle's angle at that corner, for
-//! abs(n) = abs(ab) abs(ac) sin(a). The angle between ray and plane does not enter.
+//! *Off the triangle's plane.* With n = ab x ac, t is the quotient of n . s and n . d, both computed as triple
+//! products: off by at most gamma(6) and gamma(5) times the product of the three lengths (times 1.155, the largest
+//! permanent of three unit vectors). So the point at t is off the plane by at most 16 e S / sin(a), where
+//! e = 2^-24, S is the larger of the distances from the triangle's corner to the ray's origin and from there to
+//! the point, and a is the triangle's angle at that corner: abs(n) = abs(ab) abs(ac) sin(a). The angle
+//! between ray and plane does not enter.
 //!
-//! *Its place in the plane.* There it does: u and v, and t along the ray, are off by that over the sine
-//! of the angle between ray and plane. A ray that grazes the plane may be said to hit a triangle well beside it, anywhere in
-//! the triangle's own box. So a part is not that of the triangle but of **its plane within its own box**. Only
-//! triangles in a plane of constant x, y or z are clipped as triangles: there the ray's component across the
-//! plane is a factor of det and of every numerator, and u and v too are off by 16 e S / sin(a) at most.
+//! *Along the plane.* There it does: u, v and t are off by that over the sine of the angle between ray and plane.
+//! A ray that grazes the plane may be said to hit a triangle well beside it, anywhere in the triangle's own box.
+//! So what is cut is not the triangle but **its plane within its own box**. Only triangles in a plane of constant
+//! x, y or z are cut as triangles: there the ray's component across the plane is a factor of det and of every
+//! numerator, and u and v are off by 16 e S / sin(a), too.
 //!
-//! The slab test of a face adds 4 e S. Together 20 e S / sin(a), which [`slack`] bounds for rays whose
-//! S is at most 25 times the scene's largest coordinate: origins within some ten sizes of the scene. From farther
-//! away a hit may be lost where its own rounding moves it by more than the slack. Triangles
-//! whose angle at the corner has a sine below [`SMALLEST_SINE`] are not split: their slack would be worth no split.
+//! The slab test of a face adds 4 e S. Together that is 20 e S / sin(a), and [`slack`] covers it where S is at most
+//! 25 times the scene's largest coordinate: for origins within some ten sizes of the scene. From farther away,
+//! rounding may move a hit by more than the slack, and then a hit may be lost. Nor is a hit covered that t is brought to
+//! from far: one whose ray meets the plane outside the own box by more than the slack, nearly along a face of the box.
 //!
 //! The nearest point of the plane may lie in the next cell: so the plane is clipped to the cell grown by the slack,
-//! and what that gives is grown by the slack once more.
-//!
-//! A part never reaches beyond the triangle's own box, into which t is brought by the slab test itself.
+//! and the box of that is grown by the slack once more. It never reaches beyond the triangle's own box,
+//! for there t is brought by the slab test itself.
 
 use glam::{DVec3, Vec3};
 
 use super::Aabb;
 use crate::layout::Triangle;
 
-/// Triangles with a smaller sine at the corner that edges start from are not split.
+/// Triangles with a smaller sine at the corner that edges start from are not split: their slack would be worth
+/// no split.
 const SMALLEST_SINE: f64 = 1.0 / 1024.0;
 
 /// By how much parts of a triangle are grown, in the scene's units: 2^-15 of `largest`, the scene's largest
