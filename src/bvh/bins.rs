@@ -118,6 +118,8 @@ pub struct ObjectSplit {
     axis: usize,
     /// First bin of the right side.
     first_right: usize,
+    /// Items of the larger side: it decides between equal costs, such as those of boxes without a surface.
+    larger: u32,
     /// Half area times number of items, summed over both sides.
     pub cost: f64,
     pub left: Aabb,
@@ -162,9 +164,11 @@ fn cheapest<const N: usize>(all: &Bins<N>, binning: Binning) -> Option<ObjectSpl
             }
             let cost = left.bounds.half_area() * f64::from(left.count)
                 + right.bounds.half_area() * f64::from(right.count);
-            if best.is_none_or(|best| cost < best.cost) {
+            let larger = left.count.max(right.count);
+            let better = |best: ObjectSplit| cost < best.cost || (cost == best.cost && larger < best.larger);
+            if best.is_none_or(better) {
                 let (left, right) = (left.bounds, right.bounds);
-                best = Some(ObjectSplit { binning, axis, first_right, cost, left, right });
+                best = Some(ObjectSplit { binning, axis, first_right, larger, cost, left, right });
             }
         }
     }

@@ -23,7 +23,7 @@ const TRIANGLES_PER_DUPLICATE: usize = 2;
 
 /// Where no spatial split won on this many levels in a row, none is weighed below: most of the time of a
 /// build goes into clipping.
-const MOST_MISSES: u32 = 6;
+const MOST_MISSES: u32 = 4;
 
 /// Most references that packed records can number.
 const MOST_REFERENCES: usize = (i32::MAX as u32 / LEAF_LIMIT) as usize;
@@ -156,9 +156,10 @@ impl Construction<'_> {
         }
     }
 
-    /// Whether the sides of an object split overlap by more than a face.
+    /// Whether the sides of an object split overlap by more than a face. Not so where there is no split: boxes
+    /// around one centre are seldom parted by a plane, and a million of them take long to clip.
     fn overlaps(&self, object: Option<&ObjectSplit>, bounds: &Aabb) -> bool {
-        let Some(split) = object else { return true };
+        let Some(split) = object else { return false };
         let overlap = split.left.intersection(&split.right);
         let thick = overlap.max.cmpgt(overlap.min) | bounds.max.cmple(bounds.min);
         thick.all() && overlap.half_area() > ALPHA * self.root_area
