@@ -2,6 +2,7 @@
 
 pub mod atomic;
 pub mod exr;
+pub mod heatmap;
 pub mod manifest;
 pub mod png;
 pub mod record;
