@@ -149,6 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let job =
         Job { camera, size: arguments.size, samples: 0..arguments.spp, seed: arguments.seed, block: None };
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
+    auto::check_subgroup(plan.kernel, adapter)?;
     let mut meter = Meter::new();
     let outcome = execute::run(&device, &plan, &mut |progress| meter.observe(progress))?;
     meter.finish();

@@ -27,6 +27,8 @@ pub struct Inputs<'a> {
     pub triangles: &'a Buffer,
     pub frame: &'a Buffer,
     pub image: Option<&'a Image>,
+    /// Whether the kernel writes what each pixel's rays cost.
+    pub counts_work: bool,
     pub pace: Pace,
 }
 
@@ -37,6 +39,7 @@ pub struct Band<'a> {
     counts: Buffer,
     seeds: Buffer,
     carry: Buffer,
+    work: Buffer,
 }
 
 /// Where a submit counts what it does.
@@ -81,7 +84,16 @@ impl<'a> Band<'a> {
             counts: zeroed("counts", counts_rays(plan), size_of::<Count>())?,
             seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
             carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
+            work: zeroed("work", inputs.counts_work, size_of::<layout::Work>())?,
         })
+    }
+
+    /// What each pixel's rays cost, if the kernel counts it.
+    pub fn work(&self) -> Result<Vec<layout::Work>> {
+        if !self.inputs.counts_work {
+            return Ok(Vec::new());
+        }
+        Ok(bytemuck::pod_collect_to_vec(&self.work.read(self.inputs.device)?))
     }
 
     /// All samples of all pixels; returns their counts, if that is what is accumulated.
@@ -199,6 +211,7 @@ impl<'a> Band<'a> {
             (layout::BINDING_SEEDS, Binding::Buffer(&self.seeds)),
             (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
             (layout::BINDING_COUNTERS, Binding::Buffer(&slot.counters)),
+            (layout::BINDING_WORK, Binding::Buffer(&self.work)),
         ];
         bindings.extend(self.inputs.image.map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
         bindings
@@ -245,6 +258,9 @@ impl<'a> Band<'a> {
         }
         if plan.brute() {
             hazards.push(again(&self.carry));
+        }
+        if self.inputs.counts_work {
+            hazards.push(again(&self.work));
         }
         hazards.extend(self.inputs.image.map(|i| Hazard::Image(i, Access::ShaderWrite, Access::ShaderWrite)));
         hazards

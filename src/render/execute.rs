@@ -7,7 +7,8 @@ use super::plan::Plan;
 use super::schedule::Pace;
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::layout::{self, Carry, Count, Range};
+use crate::kernels::Kernel;
+use crate::layout::{self, Carry, Count, Range, Work};
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, ImageFormat, Pipeline};
 
 /// What came of a render.
@@ -27,11 +28,22 @@ pub struct Outcome {
 
 /// Renders. `observe` hears of every finished submit.
 pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress)) -> Result<Outcome> {
+    Ok(run_kernel(device, plan, plan.kernel, observe)?.0)
+}
+
+/// Renders with a kernel that stands in for the plan's; what it wrote of each pixel's work, by pixel number, if it
+/// counts that.
+pub(super) fn run_kernel(
+    device: &Device,
+    plan: &Plan<'_>,
+    kernel: &'static Kernel,
+    observe: &mut dyn FnMut(&Progress),
+) -> Result<(Outcome, Vec<Work>)> {
     let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
     let nodes = Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?;
     let triangles = Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?;
     let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?;
-    let pipeline = Pipeline::new(device, plan.kernel, &plan.constants, size_of::<Range>() as u32)?;
+    let pipeline = Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32)?;
     let image = new_image(device, plan)?;
     let inputs = Inputs {
         device,
@@ -41,12 +53,16 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
         triangles: &triangles,
         frame: &frame,
         image: image.as_ref(),
+        counts_work: kernel.bindings.iter().any(|(binding, _)| *binding == layout::BINDING_WORK),
         pace: pace(device),
     };
     let mut tally = Tally::new(plan, observe);
     let mut counts: Vec<Count> = Vec::new();
-    for (begin, end) in bands(plan, device) {
-        counts.extend(Band::new(&inputs, begin, end)?.render(&mut tally)?);
+    let mut work: Vec<Work> = Vec::new();
+    for (begin, end) in bands(&inputs) {
+        let band = Band::new(&inputs, begin, end)?;
+        counts.extend(band.render(&mut tally)?);
+        work.extend(band.work()?);
     }
     let accumulated = match (&image, image_format(plan)) {
         (Some(image), Some(format)) => {
@@ -54,7 +70,7 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
         }
         _ => Accumulated::Counts(counts),
     };
-    Ok(Outcome {
+    let outcome = Outcome {
         accumulated,
         kernels: tally.kernels.into_values().collect(),
         primary_rays: tally.totals.primary_finished,
@@ -62,7 +78,8 @@ pub fn run(device: &Device, plan: &Plan<'_>, observe: &mut dyn FnMut(&Progress))
         overflowed_rays: tally.totals.overflowed,
         submits: tally.submits,
         repeats: tally.repeats,
-    })
+    };
+    Ok((outcome, work))
 }
 
 pub(super) fn image_format(plan: &Plan<'_>) -> Option<ImageFormat> {
@@ -94,9 +111,12 @@ pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 /// Pixel ranges whose buffers a descriptor can show whole.
-fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
+fn bands(inputs: &Inputs<'_>) -> Vec<(u32, u32)> {
+    let Inputs { device, plan, .. } = *inputs;
     let group = u64::from(layout::WORKGROUP_SIZE);
-    let largest_record = if plan.brute() { size_of::<Carry>() } else { size_of::<Count>() } as u64;
+    let carried = if plan.brute() { size_of::<Carry>() } else { 0 };
+    let counted = if inputs.counts_work { size_of::<Work>() } else { 0 };
+    let largest_record = size_of::<Count>().max(carried).max(counted) as u64;
     let pixels = device.adapter().limits.storage_buffer_bytes / largest_record / group * group;
     let all = plan.tiles.padded_pixels();
     let mut bands = Vec::new();

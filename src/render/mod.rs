@@ -13,3 +13,4 @@ pub mod schedule;
 pub mod seeds;
 pub mod tally;
 pub mod tiles;
+pub mod work;

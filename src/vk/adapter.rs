@@ -54,6 +54,8 @@ pub struct Adapter {
     pub api_version: (u32, u32, u32),
     pub limits: Limits,
     pub subgroup_size: u32,
+    /// Classes of subgroup operations that compute shaders have, named as in `kernels::Kernel::subgroup`.
+    pub subgroup_operations: Vec<&'static str>,
     pub memory_bytes: u64,
     /// Duration of a timestamp's step in ns, and how many bits of it count; `None` without timestamps.
     pub timestamps: Option<(f64, u32)>,
@@ -127,6 +129,7 @@ impl Adapter {
             ),
             limits: limits_of(&base.limits, driver_id),
             subgroup_size: vulkan11.subgroup_size,
+            subgroup_operations: subgroup_operations(&vulkan11),
             memory_bytes: memory
                 .memory_heaps_as_slice()
                 .iter()
@@ -197,6 +200,25 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
         vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
         _ => DeviceKind::Other,
     }
+}
+
+fn subgroup_operations(properties: &vk::PhysicalDeviceVulkan11Properties<'_>) -> Vec<&'static str> {
+    use vk::SubgroupFeatureFlags as Flags;
+    if !properties.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE) {
+        return Vec::new();
+    }
+    [
+        (Flags::BASIC, "basic"),
+        (Flags::VOTE, "vote"),
+        (Flags::ARITHMETIC, "arithmetic"),
+        (Flags::BALLOT, "ballot"),
+        (Flags::SHUFFLE, "shuffle"),
+        (Flags::QUAD, "quad"),
+    ]
+    .into_iter()
+    .filter(|(flag, _)| properties.subgroup_supported_operations.contains(*flag))
+    .map(|(_, name)| name)
+    .collect()
 }
 
 /// The first queue family that computes, one that draws as well before others.
