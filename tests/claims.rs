@@ -6,9 +6,8 @@ use std::collections::BTreeMap;
 use std::process::Command;
 
 use common::scene_named;
-use cousu::bvh::Builder;
+use cousu::bvh::{Builder, stack};
 use cousu::lab::claims::EXPERIMENTS;
-use cousu::render::choices::Method;
 use cousu::render::geometry::Geometry;
 use serde_json::Value;
 
@@ -97,17 +96,25 @@ fn stacks_overflow_and_atomics_count_the_same() {
     assert_eq!(added["escaped_rays_in_one_place"], counts[0], "{added}");
 }
 
-/// Of two children both methods visit the right one first, so one holds exactly one entry less.
+/// Of two children both methods visit the right one first, so one holds exactly one entry less; and that is what the
+/// experiment tells.
 #[test]
 fn a_single_push_saves_one_entry() {
+    let (rows, _folder) = claims("single-push,divergence");
+    let row = &rows["single-push"];
+    let mut told = row["stack_bounds"].as_array().unwrap().iter();
     for name in ["maison", "cornell"] {
         let scene = scene_named(name, None);
         for builder in [Builder::Midpoint, Builder::Sah] {
-            let geometry = Geometry::build(&scene, true, builder, &|_| {}).unwrap();
-            let one = geometry.stack_bound_of(Method::SinglePush);
-            assert!(one < geometry.stack_bound && one <= geometry.tree.depth(), "{name} {builder}");
+            let tree = Geometry::build(&scene, true, builder, &|_| {}).unwrap().tree;
+            let (one, both) = (stack::single_push_bound(&tree), stack::stack_bound(&tree));
+            assert_eq!(one + 1, both, "{name} {builder}");
+            assert_eq!(*told.next().unwrap(), serde_json::json!([one, both]), "{row}");
         }
     }
+    assert_eq!(row["verdict"], "does not hold");
+    let lanes = rows["divergence"]["lanes_any"].as_array().unwrap();
+    assert!(lanes.iter().all(|share| (0.05..=1.0).contains(&share.as_f64().unwrap())), "{lanes:?}");
 }
 
 #[test]

@@ -18,3 +18,4 @@ pub mod spans;
 pub mod stage;
 pub mod tally;
 pub mod tiles;
+pub mod work;

@@ -1,12 +1,13 @@
 //! The order in which a traversal goes through its tree, and what it keeps meanwhile.
 
-use super::measure::{Variant, digits};
+use super::measure::Variant;
 use super::scenes::method;
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;
+use crate::render::work::{RayWork, count_work};
 use crate::scene::Scene;
 
 /// Frames in which the entries that rays use are looked for.
@@ -80,6 +81,9 @@ pub fn both_children(lab: &Lab<'_>) -> Result<Evidence> {
     Ok(Evidence::new(verdict, format!("time of {}", listed(&times))).ratios(ratios))
 }
 
+/// Subgroups whose lanes are at work less than this have idle ones.
+const BUSY: f64 = 0.9;
+
 /// Lanes at work with leaves tested at once and with leaves that wait, and the time.
 pub fn divergence(lab: &Lab<'_>) -> Result<Evidence> {
     let geometry = lab.geometry(&lab.maison, Preset::Auto, Builder::Sah)?;
@@ -89,6 +93,27 @@ pub fn divergence(lab: &Lab<'_>) -> Result<Evidence> {
         Variant::new("ordered", plan(Method::Ordered)?),
     ];
     let ratio = lab.interleave("maison", &variants)?.ratio(0, 1)?;
-    let measured = format!("time of {ratio} {}", digits(1.0));
-    Ok(Evidence::new(Verdict::NotDecided, measured).ratios([ratio]))
+    let [postponed, ordered] =
+        [count_work(lab.device, &variants[0].plan)?, count_work(lab.device, &variants[1].plan)?];
+    let (Some(postponed), Some(ordered)) = (postponed, ordered) else {
+        let measured = format!("this device lacks the subgroup operations that count lanes; time of {ratio}");
+        return Ok(Evidence::new(Verdict::NotDecided, measured).ratios([ratio]));
+    };
+    let verdict = Verdict::all([
+        Verdict::of(ordered.any.lanes < BUSY),
+        Verdict::of(postponed.any.lanes > ordered.any.lanes),
+    ]);
+    let percent = |work: &RayWork| format!("{:.0}%", work.lanes * 100.0);
+    let measured = format!(
+        "of a subgroup's lanes {} are at work with ordered and {} with postponed for ambient rays on maison, {} and {} for \
+         camera rays; time of {ratio}",
+        percent(&ordered.any),
+        percent(&postponed.any),
+        percent(&ordered.closest),
+        percent(&postponed.closest)
+    );
+    Ok(Evidence::new(verdict, measured)
+        .ratios([ratio])
+        .number("lanes_any", vec![ordered.any.lanes, postponed.any.lanes])
+        .number("lanes_closest", vec![ordered.closest.lanes, postponed.closest.lanes]))
 }
