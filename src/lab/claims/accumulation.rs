@@ -95,6 +95,7 @@ fn slope(errors: &[f64]) -> f64 {
 
 /// Frames before and after the move of the camera.
 const GHOST_FRAMES: u32 = 64;
+const QUICK_GHOST_FRAMES: u32 = 16;
 /// How far the camera orbits in between, degrees.
 const TURN: f64 = 15.0;
 /// A difference of 8-bit values that the eye may see.
@@ -106,6 +107,7 @@ const GHOSTLY: f64 = 0.01;
 /// numbers in the place of the move, for what is noise.
 pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
     let scene = &lab.maison;
+    let frames = if lab.quick { QUICK_GHOST_FRAMES } else { GHOST_FRAMES };
     let geometry = lab.geometry(scene, Preset::Original, Builder::Midpoint)?;
     let wishes = Wishes {
         preset: Some(Preset::Original),
@@ -123,14 +125,14 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
         };
         lab.plan_job(job, scene, &geometry, &wishes)
     };
-    let second = plan(TURN, GHOST_FRAMES, 0)?;
+    let second = plan(TURN, frames, 0)?;
     let after = |turn: f64, seed: u32| -> Result<Picture> {
         let first = plan(turn, 0, seed)?;
         let before = Stage::new(lab.device, &first)?;
-        run(&before)?;
+        run(&before, frames)?;
         let mut stage = Stage::new(lab.device, &second)?;
         stage.take_means_of(before);
-        run(&stage)?;
+        run(&stage, frames)?;
         Ok(Picture::new(second.tiles, &Accumulated::Means(stage.means()?.unwrap_or_default()), 1))
     };
     let (ghost, clean, noise) = (after(0.0, 0)?, after(TURN, 0)?, after(TURN, 1)?);
@@ -151,7 +153,7 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
         .count();
     let verdict = Verdict::of(by_ghost > by_noise + GHOSTLY);
     let measured = format!(
-        "after {GHOST_FRAMES} frames from one side and {GHOST_FRAMES} from another, {TURN} degrees away, without a reset, \
+        "after {frames} frames from one side and {frames} from another, {TURN} degrees away, without a reset, \
          {:.1}% of the pixels are off by more than 2/255, where other random numbers instead of the move put {:.1}% off; \
          {haunted} of {empty} pixels without a surface show one",
         by_ghost * 100.0,
@@ -167,9 +169,9 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
         .figure(Figure::beside("ghosts", lab.size, &panels)))
 }
 
-fn run(stage: &Stage<'_>) -> Result<()> {
+fn run(stage: &Stage<'_>, frames: u32) -> Result<()> {
     let mut repeated = Repeated::new(stage)?;
-    for _ in 0..GHOST_FRAMES {
+    for _ in 0..frames {
         repeated.frame()?;
     }
     Ok(())
