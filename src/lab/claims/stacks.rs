@@ -5,7 +5,7 @@ use super::scenes::method;
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
-use crate::layout::SPEC_STACK_ROOM;
+use crate::layout::{FRAME_SAMPLES, SPEC_STACK_ROOM};
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;
 use crate::render::picture::{Accumulated, Picture};
@@ -42,7 +42,8 @@ pub fn small_stack(lab: &Lab<'_>) -> Result<Evidence> {
     let house = lab.interleave("maison", &variants)?;
     let ratios = (1..variants.len()).map(|which| house.ratio(which, 0)).collect::<Result<Vec<_>>>()?;
     let totals = &house.totals[3];
-    let rays = totals.primary_finished + totals.ambient_finished;
+    // The original traces a pixel's ambient rays even where its camera ray hits nothing.
+    let rays = u64::from(lab.size.0) * u64::from(lab.size.1) * u64::from((1 + FRAME_SAMPLES) * house.frames);
     let per_million = totals.overflowed as f64 * 1e6 / rays.max(1) as f64;
     let changed = pixels_apart(&house.accumulated[3], &house.accumulated[0], &variants[0].plan);
     let box_variants = [exact(lab, &lab.cornell, &small, 64)?, exact(lab, &lab.cornell, &small, 16)?];
