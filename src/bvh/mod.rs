@@ -4,6 +4,7 @@ pub mod midpoint;
 pub mod stack;
 pub mod thread;
 pub mod validate;
+pub mod wide;
 
 use glam::Vec3;
 

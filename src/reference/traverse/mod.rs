@@ -5,6 +5,7 @@ pub mod ordered;
 pub mod pair;
 pub mod stack;
 pub mod threaded;
+pub mod wide;
 
 use super::ray::{Hit, Ray};
 use super::{Inputs, Traversal};
@@ -15,6 +16,7 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
         Traversal::Brute => (brute::closest_hit(inputs, ray, hit), false),
         Traversal::Stack { size } => stack::closest_hit(inputs, ray, hit, size),
         Traversal::Threaded => (threaded::closest_hit(inputs, ray, hit), false),
+        Traversal::Wide => (wide::closest_hit(inputs, ray, hit), false),
         _ => (ordered::closest_hit(inputs, ray, hit), false),
     }
 }
@@ -25,6 +27,7 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
         Traversal::Brute => (brute::any_hit(inputs, ray), false),
         Traversal::Stack { size } => stack::any_hit(inputs, ray, size),
         Traversal::Threaded => (threaded::any_hit(inputs, ray), false),
+        Traversal::Wide => (wide::any_hit(inputs, ray), false),
         _ => (ordered::any_hit(inputs, ray), false),
     }
 }

@@ -40,7 +40,7 @@ fn every_method_and_order_finds_the_same_bits() {
             let (any, _) = any_hit(&scene.by(Traversal::Brute), &ray);
             assert_eq!(any, hit.index != crate::layout::NO_HIT);
             met += u32::from(any);
-            for other in [stack, Traversal::Threaded, Traversal::Ordered] {
+            for other in [stack, Traversal::Threaded, Traversal::Ordered, Traversal::Wide] {
                 let inputs = scene.by(other);
                 let (found, overflowed) = closest_hit(&inputs, &ray, no_hit(ray.t_max));
                 assert_eq!(found.index, hit.index, "{kind:?} {other:?} {ray:?}");
