@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod bench;
 pub mod exr;
+pub mod heatmap;
 pub mod manifest;
 pub mod png;
 pub mod record;

@@ -1,0 +1,190 @@
+//! Methods, builders, passes, accessors, accumulators and samplers: all pairs of choices see the same scene, exactly.
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use common::{job, plan_decided, run, scene_named, with_device};
+use cousu::bvh::Builder;
+use cousu::render::auto::{self, Accessor, Decision};
+use cousu::render::choices::{Accumulator, Method, Passes, Sampler, Wishes};
+use cousu::render::geometry::Geometry;
+use cousu::render::picture::Accumulated;
+use cousu::render::raylist::{Query, RayLists};
+use cousu::scene::Scene;
+use cousu::vk::Device;
+
+const SIZE: (u32, u32) = (40, 25);
+const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
+const PASSES: [Passes; 3] = [Passes::Single, Passes::Split, Passes::Staged];
+const ACCESSORS: [Accessor; 2] = [Accessor::StorageBuffer, Accessor::TexelBuffer];
+const SUMS: [(Accumulator, Sampler); 6] = [
+    (Accumulator::Count, Sampler::Pcg),
+    (Accumulator::Count, Sampler::Lcg),
+    (Accumulator::Rgba32f, Sampler::Pcg),
+    (Accumulator::Rgba32f, Sampler::Lcg),
+    (Accumulator::Rgba8, Sampler::Pcg),
+    (Accumulator::Rgba8, Sampler::Lcg),
+];
+const METHODS: usize = 8;
+
+/// A choice of each factor.
+type Combination = [usize; 5];
+
+/// Combinations in which every pair of choices of two factors stands at least once, greedily: each takes the first
+/// pair that is missing and fills its other factors so as to cover as many more as it can.
+fn all_pairs(sizes: Combination) -> Vec<Combination> {
+    let mut missing = BTreeSet::new();
+    for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+        for (x, y) in (0..sizes[a]).flat_map(|x| (0..sizes[b]).map(move |y| (x, y))) {
+            missing.insert((a, b, x, y));
+        }
+    }
+    let mut combinations = Vec::new();
+    while let Some(&(a, b, x, y)) = missing.first() {
+        let mut chosen: [Option<usize>; 5] = [None; 5];
+        chosen[a] = Some(x);
+        chosen[b] = Some(y);
+        for factor in 0..5 {
+            if chosen[factor].is_none() {
+                let covers = |choice: usize| {
+                    let new = |other: usize| {
+                        chosen[other].is_some_and(|with| {
+                            let pair = if other < factor {
+                                (other, factor, with, choice)
+                            } else {
+                                (factor, other, choice, with)
+                            };
+                            missing.contains(&pair)
+                        })
+                    };
+                    (0..5).filter(|&other| other != factor && new(other)).count()
+                };
+                // Of equals another one each time.
+                let start = combinations.len();
+                let turned = (0..sizes[factor]).map(|i| (i + start) % sizes[factor]);
+                chosen[factor] = turned.max_by_key(|&choice| covers(choice));
+            }
+        }
+        let combination = chosen.map(|choice| choice.unwrap_or(0));
+        for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+            missing.remove(&(a, b, combination[a], combination[b]));
+        }
+        combinations.push(combination);
+    }
+    combinations
+}
+
+#[test]
+fn the_combinations_hold_all_pairs() {
+    let sizes = [METHODS, BUILDERS.len(), PASSES.len(), ACCESSORS.len(), SUMS.len()];
+    let combinations = all_pairs(sizes);
+    let mut seen = BTreeSet::new();
+    for combination in &combinations {
+        for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+            seen.insert((a, b, combination[a], combination[b]));
+        }
+    }
+    let pairs: usize = (0..5).flat_map(|a| (a + 1..5).map(move |b| sizes[a] * sizes[b])).sum();
+    assert_eq!(seen.len(), pairs);
+    assert!(combinations.len() < 80, "{}", combinations.len());
+}
+
+/// The scene with each builder's tree.
+fn geometries(scene: &Scene) -> Vec<Geometry> {
+    BUILDERS.map(|builder| Geometry::build(scene, true, builder, &|_| {}).expect("a tree")).into()
+}
+
+fn decide(
+    device: &Device,
+    geometry: &Geometry,
+    method: usize,
+    wishes: Wishes,
+    accessor: Accessor,
+) -> Decision {
+    let method = Method::all(geometry.stack_bound.max(1))[method];
+    let decision = auto::decide(&Wishes { method: Some(method), ..wishes }, geometry, device.adapter());
+    Decision { accessor, ..decision }
+}
+
+fn counts_agree(device: &Device, scene: &Scene) {
+    let geometries = geometries(scene);
+    let mut first: BTreeMap<usize, (Combination, Accumulated)> = BTreeMap::new();
+    for combination in all_pairs([METHODS, BUILDERS.len(), PASSES.len(), ACCESSORS.len(), SUMS.len()]) {
+        let [method, builder, passes, accessor, sum] = combination;
+        let (accumulator, sampler) = SUMS[sum];
+        let wishes = Wishes {
+            passes: Some(PASSES[passes]),
+            accumulator: Some(accumulator),
+            sampler: Some(sampler),
+            ..Wishes::default()
+        };
+        let decision = decide(device, &geometries[builder], method, wishes, ACCESSORS[accessor]);
+        let plan = plan_decided(device, scene, &geometries[builder], job(scene, SIZE, 0..8), &decision);
+        let outcome = run(device, &plan);
+        let what = || format!("{}: {:?} on {}", scene.path, decision.settings, BUILDERS[builder]);
+        assert_eq!((outcome.overflowed_rays, outcome.repeats), (0, 0), "{}", what());
+        assert!(outcome.ambient_rays > 500, "{}: the camera sees too little", what());
+        match first.get(&sum) {
+            None => {
+                first.insert(sum, (combination, outcome.accumulated));
+            }
+            Some((other, accumulated)) => {
+                assert!(*accumulated == outcome.accumulated, "{} differs from {other:?}", what());
+            }
+        }
+    }
+    assert_eq!(first.len(), SUMS.len());
+}
+
+/// Distance, barycentric coordinates and triangle of each camera ray's closest hit, whatever tree and method.
+fn camera_hits_agree(device: &Device, scene: &Scene) {
+    let mut first: Option<Vec<[u32; 4]>> = None;
+    for (place, geometry) in geometries(scene).iter().enumerate() {
+        for method in 0..METHODS {
+            let accessor = ACCESSORS[(place + method) % ACCESSORS.len()];
+            let decision = decide(device, geometry, method, Wishes::default(), accessor);
+            let plan = plan_decided(device, scene, geometry, job(scene, SIZE, 0..1), &decision);
+            let lists = RayLists::new(device, &plan).unwrap();
+            let hits = lists.trace(Query::Closest, &lists.camera_rays().unwrap()).unwrap();
+            let named = hits.iter().map(|hit| {
+                let id = geometry.triangles.get(hit.index as usize).map_or(u32::MAX, |triangle| triangle.id);
+                [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), id]
+            });
+            let named: Vec<_> = named.collect();
+            match &first {
+                None => first = Some(named),
+                Some(expected) => {
+                    let apart = expected.iter().zip(&named).filter(|(a, b)| a != b).count();
+                    let what = format!("{}: {} on {}", scene.path, plan.settings.method, geometry.builder);
+                    assert_eq!(apart, 0, "{what}: so many of {} hits differ", named.len());
+                }
+            }
+        }
+    }
+    let met = first.iter().flatten().filter(|hit| hit[3] != u32::MAX).count();
+    assert!(met > 50, "{}: {met} rays met something", scene.path);
+}
+
+/// Every scene in assets/ (cornell and maison are procedural ones as well) and every procedural one.
+#[test]
+fn all_pairs_of_choices_count_the_same_rays() {
+    with_device(|device| {
+        for (name, triangles) in common::SCENES {
+            counts_agree(device, &scene_named(name, triangles));
+        }
+    });
+}
+
+#[test]
+fn all_methods_and_builders_find_the_same_camera_hits() {
+    with_device(|device| {
+        for (name, triangles) in common::SCENES {
+            camera_hits_agree(device, &scene_named(name, triangles));
+        }
+        for file in ["cornell.obj", "maison.obj"] {
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets").join(file);
+            camera_hits_agree(device, &Scene::load(&path).unwrap());
+        }
+    });
+}
