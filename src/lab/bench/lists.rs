@@ -1,6 +1,7 @@
 //! Lists of rays: what the hit kernels alone can do.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
+use std::rc::Rc;
 
 use glam::DVec3;
 
@@ -35,7 +36,7 @@ struct Planned<'a> {
 struct Ready<'a> {
     planned: &'a Planned<'a>,
     spans: Vec<(u32, u32)>,
-    set: RaySet,
+    set: Rc<RaySet>,
 }
 
 struct Running<'a> {
@@ -64,6 +65,8 @@ struct List<'a> {
     rays: Vec<RayRecord>,
     /// By query; the rays that the reference traced, with their answers.
     answers: Vec<(Query, Vec<Option<Answer>>)>,
+    /// All rays, once they were wanted.
+    whole: OnceCell<Rc<RaySet>>,
     uploads: RefCell<Uploads>,
 }
 
@@ -87,8 +90,12 @@ pub fn measure(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Res
     }
     // Every tree stands over the same placed triangles, so the rays are the same for all.
     let Some(first) = planned.first() else { return Ok(()) };
-    let rays = rays(bench, &first.plan, case)?;
-    let mut list = List { bench, case, rays, answers: Vec::new(), uploads: RefCell::default() };
+    let rays = match rays(bench, &first.plan, case) {
+        Ok(rays) => rays,
+        Err(error) => return left_out(watch, case, first.spec, error),
+    };
+    let mut list =
+        List { bench, case, rays, answers: Vec::new(), whole: OnceCell::new(), uploads: RefCell::default() };
     for &query in queries {
         watch.progress("reference", 0, planned.len());
         match list.reference(query, watch) {
@@ -153,14 +160,23 @@ impl List<'_> {
         self.rays.len() as u32
     }
 
-    /// The rays of spans, on the device.
-    fn set(&self, spans: &[(u32, u32)]) -> Result<RaySet> {
+    /// The rays of spans, on the device; all of them only once.
+    fn set(&self, spans: &[(u32, u32)]) -> Result<Rc<RaySet>> {
+        let all = elements_in(spans) == u64::from(self.elements());
+        if let Some(set) = self.whole.get().filter(|_| all) {
+            return Ok(set.clone());
+        }
         let taken: Vec<RayRecord> = spans
             .iter()
             .flat_map(|&(begin, end)| &self.rays[begin as usize..end as usize])
             .copied()
             .collect();
-        RaySet::new(self.bench.device, &taken)
+        let set = Rc::new(RaySet::new(self.bench.device, &taken)?);
+        if all {
+            // It was not there a moment ago.
+            let _ = self.whole.set(set.clone());
+        }
+        Ok(set)
     }
 
     /// The part of the rays that a row may take.
@@ -202,7 +218,7 @@ impl List<'_> {
         let (mut frames, _) = self.retraced(&plan, &set, query)?;
         frames.frame()?;
         let mut answers = vec![None; self.rays.len()];
-        for (place, answer) in places(&spans).zip(answers_of(&plan, &frames.hits()?)) {
+        for (place, answer) in places(&spans).zip(answers_of(&plan, query, &frames.hits()?)) {
             answers[place] = Some(answer);
         }
         Ok(answers)
@@ -249,7 +265,7 @@ impl List<'_> {
         let mut mismatched = None;
         let expected = self.answers.iter().find(|(of, _)| of == query);
         if let (Some((_, expected)), true) = (expected, has_reference(spec)) {
-            let found = answers_of(plan, &frames.hits()?);
+            let found = answers_of(plan, *query, &frames.hits()?);
             let pairs = places(&ready.spans).zip(found);
             let differs: Vec<bool> =
                 pairs.filter_map(|(place, answer)| Some(expected[place]? != answer)).collect();
@@ -280,8 +296,8 @@ impl List<'_> {
     }
 }
 
-/// Each ray's answer by the triangle's id, which is the same in every tree.
-fn answers_of(plan: &Plan<'_>, hits: &[HitRecord]) -> Vec<Answer> {
+/// Each ray's answer by the triangle's id, which is the same in every tree; of an any hit, only whether there is one.
+fn answers_of(plan: &Plan<'_>, query: Query, hits: &[HitRecord]) -> Vec<Answer> {
     let id = |index: u32| match index {
         NO_HIT => NO_HIT,
         index => plan.geometry.triangles.get(index as usize).map_or(index, |triangle| triangle.id),
@@ -289,6 +305,7 @@ fn answers_of(plan: &Plan<'_>, hits: &[HitRecord]) -> Vec<Answer> {
     hits.iter()
         .map(|hit| match hit.index {
             NO_HIT => [0, 0, 0, NO_HIT],
+            _ if query == Query::Any => [0; 4],
             index => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), id(index)],
         })
         .collect()

@@ -227,7 +227,7 @@ mod tests {
     #[test]
     fn a_slow_row_gets_a_part_and_a_fast_one_all() {
         let elements = 64 * 10_240u32;
-        let mut fits = |ms_per_element: f64| {
+        let fits = |ms_per_element: f64| {
             share_that_fits(elements, &Effort::FULL, &mut |spans| {
                 Ok(ms_per_element * elements_in(spans) as f64)
             })
