@@ -11,8 +11,12 @@ pub trait Boxed: Sync {
     fn bounds(&self) -> &Aabb;
 }
 
-/// Most bins along an axis.
-const MOST_BINS: usize = 32;
+/// Most bins along an axis, of few items and of [`MANY`].
+const FEW_BINS: usize = 32;
+const MANY_BINS: usize = 256;
+
+/// From this many items on, many bins cost little beside the items themselves.
+const MANY: usize = 4096;
 
 /// From this many items on bins are filled in parallel, in pieces of this many.
 const PIECE: usize = 1 << 15;
@@ -54,9 +58,9 @@ struct Binning {
 }
 
 impl Binning {
-    fn of(centers: &Aabb, items: usize) -> Self {
+    fn of(centers: &Aabb, items: usize, most: usize) -> Self {
         // Few items fill few bins, and a sweep over empty ones costs more than it finds.
-        let bins = (4 + items / 2).min(MOST_BINS);
+        let bins = (4 + items / 2).min(most);
         let size = centers.max - centers.min;
         Self { low: centers.min, scale: Vec3::splat(bins as f32) / size, bins }
     }
@@ -83,10 +87,10 @@ impl Bin {
     }
 }
 
-type Bins = [[Bin; MOST_BINS]; 3];
+type Bins<const N: usize> = [[Bin; N]; 3];
 
-fn fill<T: Boxed>(items: &[T], binning: &Binning) -> Bins {
-    let mut bins = [[Bin::EMPTY; MOST_BINS]; 3];
+fn fill<const N: usize, T: Boxed>(items: &[T], binning: &Binning) -> Bins<N> {
+    let mut bins = [[Bin::EMPTY; N]; 3];
     for item in items {
         let one = Bin { bounds: *item.bounds(), count: 1 };
         for (axis, bins) in bins.iter_mut().enumerate() {
@@ -96,14 +100,14 @@ fn fill<T: Boxed>(items: &[T], binning: &Binning) -> Bins {
     bins
 }
 
-fn fill_in_parallel<T: Boxed>(items: &[T], binning: &Binning) -> Bins {
-    let join = |mut a: Bins, b: Bins| {
+fn fill_in_parallel<const N: usize, T: Boxed>(items: &[T], binning: &Binning) -> Bins<N> {
+    let join = |mut a: Bins<N>, b: Bins<N>| {
         for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
             a.join(b);
         }
         a
     };
-    let empty = || [[Bin::EMPTY; MOST_BINS]; 3];
+    let empty = || [[Bin::EMPTY; N]; 3];
     items.par_chunks(PIECE).map(|piece| fill(piece, binning)).reduce(empty, join)
 }
 
@@ -114,6 +118,8 @@ pub struct ObjectSplit {
     axis: usize,
     /// First bin of the right side.
     first_right: usize,
+    /// Items of the larger side: it decides between equal costs, such as those of boxes without a surface.
+    larger: u32,
     /// Half area times number of items, summed over both sides.
     pub cost: f64,
     pub left: Aabb,
@@ -127,12 +133,23 @@ impl ObjectSplit {
 }
 
 /// The cheapest split between bins; none where all centres coincide.
+// Its bins would fill the stack of a recursion that it is inlined into.
+#[inline(never)]
 pub fn best_object_split<T: Boxed>(items: &[T], extent: &Extent) -> Option<ObjectSplit> {
-    let binning = Binning::of(&extent.centers, items.len());
-    let all = if items.len() < 2 * PIECE { fill(items, &binning) } else { fill_in_parallel(items, &binning) };
+    if items.len() < MANY {
+        let binning = Binning::of(&extent.centers, items.len(), FEW_BINS);
+        return cheapest::<FEW_BINS>(&fill(items, &binning), binning);
+    }
+    let binning = Binning::of(&extent.centers, items.len(), MANY_BINS);
+    let bins =
+        if items.len() < 2 * PIECE { fill(items, &binning) } else { fill_in_parallel(items, &binning) };
+    cheapest::<MANY_BINS>(&bins, binning)
+}
+
+fn cheapest<const N: usize>(all: &Bins<N>, binning: Binning) -> Option<ObjectSplit> {
     let mut best: Option<ObjectSplit> = None;
     for (axis, bins) in all.iter().enumerate() {
-        let mut rights = [Bin::EMPTY; MOST_BINS];
+        let mut rights = [Bin::EMPTY; N];
         let mut right = Bin::EMPTY;
         for place in (1..binning.bins).rev() {
             right.join(&bins[place]);
@@ -147,9 +164,11 @@ pub fn best_object_split<T: Boxed>(items: &[T], extent: &Extent) -> Option<Objec
             }
             let cost = left.bounds.half_area() * f64::from(left.count)
                 + right.bounds.half_area() * f64::from(right.count);
-            if best.is_none_or(|best| cost < best.cost) {
+            let larger = left.count.max(right.count);
+            let better = |best: ObjectSplit| cost < best.cost || (cost == best.cost && larger < best.larger);
+            if best.is_none_or(better) {
                 let (left, right) = (left.bounds, right.bounds);
-                best = Some(ObjectSplit { binning, axis, first_right, cost, left, right });
+                best = Some(ObjectSplit { binning, axis, first_right, larger, cost, left, right });
             }
         }
     }

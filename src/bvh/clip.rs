@@ -3,38 +3,41 @@
 //!
 //! # What a part's box must contain
 //!
-//! The guarded intersector (Möller and Trumbore, in f32) accepts a triangle and reports a distance t, brought into
-//! the triangle's own box. A traversal finds that hit at that distance if the ray's point at t lies
-//! well inside the box of one of the triangle's parts: the slab test then enters the box before t and leaves
-//! it after. The point is rounded twice over.
+//! The guarded intersector (Möller and Trumbore, in f32) accepts a triangle and reports a distance t, brought
+//! into the triangle's own box. A traversal finds that hit if the ray's point at t lies well inside the box of one
+//! of the triangle's parts: then the slab test enters the box before t and leaves it after. Rounding moves the
+//! point in two ways.
 //!
-//! *Its distance from the triangle's plane.* With n = ab x ac, t is the quotient of n . s and n . d, both computed
-//! as triple products of three vectors: they are off by at most gamma(6) and gamma(5) times the products of the
-//! vectors' lengths (times 1.155, the largest permanent of three unit vectors). So the point at t is off the
-//! plane by at most 16 e S / sin(a), where e = 2^-24, S is the larger of the distances from the triangle's corner to
-//! the ray's origin and from there to the point, and a is the triangle's angle at that corner, for
-//! abs(n) = abs(ab) abs(ac) sin(a). The angle between ray and plane does not enter.
+//! *Off the triangle's plane.* With n = ab x ac, t is the quotient of n . s and n . d, both computed as triple
+//! products: off by at most gamma(6) and gamma(5) times the product of the three lengths (times 1.155, the largest
+//! permanent of three unit vectors). So the point at t is off the plane by at most 16 e S / sin(a), where
+//! e = 2^-24, S is the larger of the distances from the triangle's corner to the ray's origin and from there to
+//! the point, and a is the triangle's angle at that corner: abs(n) = abs(ab) abs(ac) sin(a). The angle
+//! between ray and plane does not enter.
 //!
-//! *Its place in the plane.* There it does: u and v, and t along the ray, are off by that over the sine
-//! of the angle between ray and plane. A ray that grazes the plane may be said to hit a triangle well beside it, anywhere in
-//! the triangle's own box. So a part is not that of the triangle but of **its plane within its own box**. Only
-//! triangles in a plane of constant x, y or z are clipped as triangles: there the ray's component across the
-//! plane is a factor of det and of every numerator, and u and v too are off by 16 e S / sin(a) at most.
+//! *Along the plane.* There it does: u, v and t are off by that over the sine of the angle between ray and plane.
+//! A ray that grazes the plane may be said to hit a triangle well beside it, anywhere in the triangle's own box.
+//! So what is cut is not the triangle but **its plane within its own box**. Only triangles in a plane of constant
+//! x, y or z are cut as triangles: there the ray's component across the plane is a factor of det and of every
+//! numerator, and u and v are off by 16 e S / sin(a), too.
 //!
-//! The slab test of a face adds 4 e S. Together 20 e S / sin(a), which [`slack`] bounds for rays whose
-//! S is at most 25 times the scene's largest coordinate: origins within some ten sizes of the scene. From farther
-//! away a hit may be lost where its own rounding moves it by more than the slack. Neither are triangles split
-//! whose angle at the corner has a sine below [`SMALLEST_SINE`]: their slack would be worth no split.
+//! The slab test of a face adds 4 e S. Together that is 20 e S / sin(a), and [`slack`] covers it where S is at most
+//! 25 times the scene's largest coordinate: for origins within some ten sizes of the scene. From farther away,
+//! rounding may move a hit by more than the slack, and then a hit may be lost. Nor is a hit covered that t is brought to
+//! from far: one whose ray meets the plane outside the own box by more than the slack, nearly along a face of the box.
 //!
-//! A part never reaches beyond the triangle's own box, into which t is brought by the slab test itself.
+//! The nearest point of the plane may lie in the next cell: so the plane is clipped to the cell grown by the slack,
+//! and the box of that is grown by the slack once more. It never reaches beyond the triangle's own box,
+//! for there t is brought by the slab test itself.
 
 use glam::{DVec3, Vec3};
 
 use super::Aabb;
 use crate::layout::Triangle;
 
-/// Triangles with a smaller sine at the corner that edges start from are not split.
-const SMALLEST_SINE: f64 = 0.125;
+/// Triangles with a smaller sine at the corner that edges start from are not split: their slack would be worth
+/// no split.
+const SMALLEST_SINE: f64 = 1.0 / 1024.0;
 
 /// By how much parts of a triangle are grown, in the scene's units: 2^-15 of `largest`, the scene's largest
 /// coordinate, over the sine at the corner. 0 for a triangle that is not to be split.
@@ -143,14 +146,16 @@ fn rectangle(a: DVec3, normal: DVec3, across: usize, low: DVec3, high: DVec3) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::testing::{Random, triangle};
+    use crate::reference::intersect::intersect_guarded;
+    use crate::reference::slabs::{meets_box, slabs_of};
+    use crate::reference::testing::{Random, aimed_ray, grazing_ray, triangle};
 
     #[test]
     fn needles_are_not_split() {
         let with = |ac: Vec3| slack(&triangle(0, Vec3::ZERO, Vec3::X, ac), 1.0);
         assert_eq!(with(Vec3::Y), 2f32.powi(-15));
-        assert_eq!(with(Vec3::new(1.0, 0.1, 0.0)), 0.0);
-        assert!(with(Vec3::new(1.0, 0.2, 0.0)) > 4.0 * 2f32.powi(-15));
+        assert_eq!(with(Vec3::new(1.0, 0.0005, 0.0)), 0.0);
+        assert!(with(Vec3::new(1.0, 0.01, 0.0)) > 99.0 * 2f32.powi(-15));
         assert_eq!(with(Vec3::ZERO), 0.0);
         assert_eq!(slack(&triangle(0, Vec3::ZERO, Vec3::X, Vec3::Y), f32::INFINITY), 0.0);
     }
@@ -189,5 +194,59 @@ mod tests {
                 assert!(near.contains(&bounds) && own.contains(&bounds), "{bounds:?} {cell:?}");
             }
         }
+    }
+
+    /// Cuts a triangle at random planes, as a builder does.
+    fn parts_of(random: &mut Random, one: &Triangle, slack: f32) -> Vec<Aabb> {
+        let own = Aabb::of(one);
+        let mut parts = vec![(own, own)];
+        for _ in 0..40 {
+            let place = random.below(parts.len() as u32) as usize;
+            let axis = random.below(3) as usize;
+            let (mut low, mut high) = (parts[place].0, parts[place].0);
+            let at = low.min[axis] + (low.max[axis] - low.min[axis]) * random.unit();
+            low.max[axis] = at;
+            high.min[axis] = at;
+            let bounds = [low, high].map(|cell| part_bounds(one, slack, &cell));
+            if let [Some(left), Some(right)] = bounds {
+                parts[place] = (low, left);
+                parts.push((high, right));
+            }
+        }
+        parts.into_iter().map(|(_, bounds)| bounds).collect()
+    }
+
+    /// A hit that the intersector reports is found by way of a part, even by a traversal that asks for
+    /// nothing beyond its distance.
+    #[test]
+    fn every_hit_lies_in_a_part() {
+        let mut random = Random::new(41);
+        let (mut hits, mut cut) = (0, 0);
+        for round in 0..6000 {
+            // In planes along axes, nearly so, and askew.
+            let thin = [1.0, 0.9999, 0.0][round % 3];
+            let flat = Vec3::ONE - random.axis().abs() * thin;
+            let (ab, ac) = (random.point() * flat, random.point() * flat);
+            let ac = if round % 4 == 0 { ab * random.unit() + ac * 0.02 } else { ac };
+            let one = triangle(0, random.point() * 0.5, ab * 0.5, ac * 0.5);
+            let slack = slack(&one, 1.0);
+            if slack == 0.0 {
+                continue;
+            }
+            let pad = 2f32.powi(-21);
+            let parts = parts_of(&mut random, &one, slack);
+            cut += parts.len() - 1;
+            for i in 0..600 {
+                let ray =
+                    if i % 2 == 0 { grazing_ray(&mut random, &one) } else { aimed_ray(&mut random, &one) };
+                let slabs = slabs_of(&ray, true);
+                let Some([t, ..]) = intersect_guarded(&ray, &slabs, &one, pad, ray.t_max) else { continue };
+                hits += 1;
+                let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
+                assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}");
+            }
+        }
+        println!("{hits} hits, {cut} cuts");
+        assert!(hits > 100_000 && cut > 10_000, "{hits} hits, {cut} cuts");
     }
 }

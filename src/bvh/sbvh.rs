@@ -21,6 +21,10 @@ const ALPHA: f64 = 1e-5;
 /// One more reference for this many triangles, at most.
 const TRIANGLES_PER_DUPLICATE: usize = 2;
 
+/// Where no spatial split won on this many levels in a row, none is weighed below: most of the time of a
+/// build goes into clipping.
+const MOST_MISSES: u32 = 4;
+
 /// Most references that packed records can number.
 const MOST_REFERENCES: usize = (i32::MAX as u32 / LEAF_LIMIT) as usize;
 
@@ -38,9 +42,19 @@ pub(super) fn build(triangles: &[Triangle], progress: &Progress) -> Tree {
     let mut part = Part::default();
     if !references.is_empty() {
         let construction = Construction { triangles, root_area: all.half_area(), progress };
-        construction.build_into(references, budget, 0, &mut part);
+        construction.build_into(references, Allowance { budget, misses: 0, level: 0 }, &mut part);
     }
     part.tree()
+}
+
+/// What a subtree may do.
+#[derive(Clone, Copy)]
+struct Allowance {
+    /// References more than it is given.
+    budget: usize,
+    /// Levels in a row on which no spatial split won.
+    misses: u32,
+    level: u32,
 }
 
 struct Construction<'a> {
@@ -58,10 +72,12 @@ enum Choice {
 }
 
 impl Construction<'_> {
-    /// Adds the subtree of at least one reference, with at most `budget` more, and returns its root's place.
-    fn build_into(&self, references: Vec<Reference>, budget: usize, level: u32, part: &mut Part) -> u32 {
+    /// Adds the subtree of at least one reference and returns its root's place.
+    fn build_into(&self, references: Vec<Reference>, allowance: Allowance, part: &mut Part) -> u32 {
         let count = references.len();
-        let [left, right] = match self.choose(&references, budget, level) {
+        let choice = self.choose(&references, &allowance);
+        let misses = if matches!(choice, Choice::Spatial(_)) { 0 } else { allowance.misses + 1 };
+        let [left, right] = match choice {
             Choice::Leaf(bounds) => {
                 return part.leaf(bounds, references.iter().map(|reference| reference.triangle));
             }
@@ -79,43 +95,46 @@ impl Construction<'_> {
             [left, right]
         };
         let spent = (left.len() + right.len()).saturating_sub(count);
-        let [left_budget, right_budget] = shares(budget.saturating_sub(spent), &left, &right);
+        let budgets = shares(allowance.budget.saturating_sub(spent), &left, &right);
+        let [for_left, for_right] =
+            budgets.map(|budget| Allowance { budget, misses, level: allowance.level + 1 });
         if count < PARALLEL_FROM {
-            let left = self.build_into(left, left_budget, level + 1, part);
-            let right = self.build_into(right, right_budget, level + 1, part);
+            let left = self.build_into(left, for_left, part);
+            let right = self.build_into(right, for_right, part);
             return part.inner(left, right);
         }
         let mut other = Part::default();
         let (left, _) = rayon::join(
-            || self.build_counted(left, left_budget, level + 1, part),
-            || self.build_counted(right, right_budget, level + 1, &mut other),
+            || self.build_counted(left, for_left, part),
+            || self.build_counted(right, for_right, &mut other),
         );
         let right = part.append(other);
         part.inner(left, right)
     }
 
     /// [`Self::build_into`] that reports a subtree which one thread builds.
-    fn build_counted(&self, references: Vec<Reference>, budget: usize, level: u32, part: &mut Part) -> u32 {
+    fn build_counted(&self, references: Vec<Reference>, allowance: Allowance, part: &mut Part) -> u32 {
         let count = references.len();
-        let root = self.build_into(references, budget, level, part);
+        let root = self.build_into(references, allowance, part);
         if count < PARALLEL_FROM {
             self.progress.add(count);
         }
         root
     }
 
-    fn choose(&self, references: &[Reference], budget: usize, level: u32) -> Choice {
+    fn choose(&self, references: &[Reference], allowance: &Allowance) -> Choice {
         let extent = Extent::of(references);
         if references.len() == 1 {
             return Choice::Leaf(extent.bounds);
         }
         let few = references.len() <= LEAF_LIMIT as usize;
-        if level >= WEIGHED_LEVELS {
+        if allowance.level >= WEIGHED_LEVELS {
             return if few { Choice::Leaf(extent.bounds) } else { Choice::Halves };
         }
         let object = best_object_split(references, &extent);
-        let spatial = if budget > 0 && self.overlaps(object.as_ref(), &extent.bounds) {
-            best_spatial_split(references, &extent.bounds, self.triangles, budget)
+        let allowed = allowance.budget > 0 && allowance.misses < MOST_MISSES;
+        let spatial = if allowed && self.overlaps(object.as_ref(), &extent.bounds) {
+            best_spatial_split(references, &extent.bounds, self.triangles, allowance.budget)
         } else {
             None
         };
@@ -125,8 +144,9 @@ impl Construction<'_> {
         let area = extent.bounds.half_area();
         let together = area * TRIANGLE_COST * references.len() as f64;
         let apart = area * BOX_COST + cost * TRIANGLE_COST;
-        // A comparison with NaN, from boxes that are not finite, makes a leaf too.
-        if few && !(apart < together) {
+        // Not so where boxes are not finite and a cost is NaN.
+        let worth_it = apart < together;
+        if few && !worth_it {
             return Choice::Leaf(extent.bounds);
         }
         match (spatial, object) {
@@ -136,9 +156,10 @@ impl Construction<'_> {
         }
     }
 
-    /// Whether the sides of an object split overlap by more than a face.
+    /// Whether the sides of an object split overlap by more than a face. Not so where there is no split: boxes
+    /// around one centre are seldom parted by a plane, and a million of them take long to clip.
     fn overlaps(&self, object: Option<&ObjectSplit>, bounds: &Aabb) -> bool {
-        let Some(split) = object else { return true };
+        let Some(split) = object else { return false };
         let overlap = split.left.intersection(&split.right);
         let thick = overlap.max.cmpgt(overlap.min) | bounds.max.cmple(bounds.min);
         thick.all() && overlap.half_area() > ALPHA * self.root_area

@@ -117,7 +117,7 @@ fn fill(references: &[Reference], planes: &[Planes; 3], triangles: &[Triangle]) 
                 continue;
             }
             let mut held = None;
-            for bin in first..=last {
+            for (bin, filled) in bins.iter_mut().enumerate().take(last + 1).skip(first) {
                 let mut cell = reference.cell;
                 if bin > first {
                     cell.min[planes.axis] = planes.at(bin);
@@ -127,7 +127,7 @@ fn fill(references: &[Reference], planes: &[Planes; 3], triangles: &[Triangle]) 
                 }
                 let triangle = &triangles[reference.triangle as usize];
                 if let Some(bounds) = part_bounds(triangle, reference.slack, &cell) {
-                    bins[bin].bounds = bins[bin].bounds.union(&bounds);
+                    filled.bounds = filled.bounds.union(&bounds);
                     held = Some((held.map_or(bin, |(begin, _)| begin), bin));
                 }
             }
@@ -178,6 +178,8 @@ pub struct SpatialSplit {
 }
 
 /// The cheapest plane that leaves fewer references on either side and makes at most `budget` more.
+// Its bins would fill the stack of a recursion that it is inlined into.
+#[inline(never)]
 pub fn best_spatial_split(
     references: &[Reference],
     bounds: &Aabb,

@@ -9,19 +9,10 @@ use super::quality::Quality;
 use super::validate::{validate, validate_skips};
 use super::*;
 use crate::layout::LEAF_LIMIT;
-use crate::reference::testing::{KINDS, Random, soup, triangle, triangles_of};
-use crate::scene::condition::{Placement, place};
-use crate::scene::procedural::{Request, find};
+use crate::reference::testing::{KINDS, Random, procedural, soup, triangle, triangles_of};
 
 fn builders() -> &'static [Builder] {
     Builder::value_variants()
-}
-
-/// A procedural scene, placed as a render places it.
-fn procedural(name: &str, triangles: Option<u64>) -> Vec<Triangle> {
-    let mesh = (find(name).unwrap().generate)(&Request { triangles, seed: 1 }).unwrap();
-    let placement = Placement::conditioned(&mesh.bounds());
-    place(&mesh, &placement)
 }
 
 fn quiet(builder: Builder, triangles: &[Triangle]) -> Tree {
@@ -141,8 +132,11 @@ fn better_builders_cost_less_on_procedural_scenes() {
             println!("  {quality:?}");
         }
         assert!(sah.sah_cost < midpoint.sah_cost, "{name}: {sah:?} {midpoint:?}");
-        assert!(ploc.sah_cost < 1.05 * sah.sah_cost, "{name}: {ploc:?} {sah:?}");
-        assert!(sbvh.sah_cost < 1.01 * sah.sah_cost, "{name}: {sbvh:?} {sah:?}");
+        // Clustering is no match for planes on a regular grid.
+        let limit = if name == "terrain" { 1.15 } else { 1.01 };
+        assert!(ploc.sah_cost < limit * sah.sah_cost, "{name}: {ploc:?} {sah:?}");
+        assert!(ploc.sah_cost < midpoint.sah_cost, "{name}: {ploc:?} {midpoint:?}");
+        assert!(sbvh.sah_cost < 1.02 * sah.sah_cost, "{name}: {sbvh:?} {sah:?}");
     }
 }
 

@@ -52,9 +52,9 @@ pub fn validate(tree: &Tree, triangles: &[Triangle]) -> Result<(), String> {
         return Err(format!("the leaves hold {next_triangle} triangles of {}", tree.order.len()));
     }
     let root = tree.nodes.len() - 1;
-    match parents.iter().enumerate().find(|&(index, &count)| count != u32::from(index != root)) {
-        Some((index, count)) => return Err(format!("node {index} has {count} parents")),
-        None => {}
+    let wrong = parents.iter().enumerate().find(|&(index, &count)| count != u32::from(index != root));
+    if let Some((index, count)) = wrong {
+        return Err(format!("node {index} has {count} parents"));
     }
     shared.sort_by_key(|&(triangle, _)| triangle);
     shared.chunk_by(|a, b| a.0 == b.0).try_for_each(|parts| {
@@ -222,7 +222,8 @@ mod tests {
         rejects("triangle 2 is in no leaf", &|tree| tree.order[3] = 1);
         rejects("does not meet triangle 0", &|tree| tree.nodes[1].bounds.min.y = 1.5);
         rejects("stands twice in leaf", &|tree| {
-            tree.order = vec![1, 0, 2, 2];
+            tree.order = vec![0, 1, 0, 0, 2];
+            tree.nodes[1].content = Content::Leaf { first: 2, count: 3 };
         });
         rejects("does not contain triangle 2", &|tree| tree.nodes[1].bounds.max.y = 0.9);
     }

@@ -8,6 +8,8 @@ use crate::bvh::{Tree, midpoint};
 use crate::layout::{Frame, SAMPLER_PCG, Triangle};
 use crate::pack::{self, NodeArrays};
 use crate::reference::ray::Ray;
+use crate::scene::condition::{Placement, place};
+use crate::scene::procedural::{Request, find};
 
 /// SplitMix64 of Steele, Lea and Flood (2014): shares nothing with the generators under test.
 pub struct Random(u64);
@@ -174,6 +176,31 @@ pub fn aimed_ray(random: &mut Random, target: &Triangle) -> Ray {
         _ => f32::MAX,
     };
     Ray { origin, direction, t_max }
+}
+
+/// A ray at a point of an edge, a corner or the inside, nearly in the triangle's plane, from near to ten times the
+/// scene's size.
+pub fn grazing_ray(random: &mut Random, target: &Triangle) -> Ray {
+    let [a, ab, ac] = [target.a, target.ab, target.ac].map(Vec3::from);
+    let (u, v) =
+        [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.0), (0.3, 0.3), (0.2, 0.8)][random.below(6) as usize];
+    let point = a + u * ab + v * ac;
+    let in_plane = match random.below(4) {
+        0 => ab,
+        1 => ac,
+        2 => ac - ab,
+        _ => ab * random.signed() + ac * random.signed(),
+    };
+    let tilt = 2f32.powi(-(random.below(26) as i32));
+    let direction = in_plane.normalize_or(Vec3::X) + ab.cross(ac).normalize_or(Vec3::Y) * tilt;
+    let distance = [0.5, 2.0, 8.0, 20.0][random.below(4) as usize] * random.unit();
+    Ray { origin: point - direction * distance, direction, t_max: f32::MAX }
+}
+
+/// A procedural scene, placed as a render places it.
+pub fn procedural(name: &str, triangles: Option<u64>) -> Vec<Triangle> {
+    let mesh = (find(name).unwrap().generate)(&Request { triangles, seed: 1 }).unwrap();
+    place(&mesh, &Placement::conditioned(&mesh.bounds()))
 }
 
 /// Triangles packed for every traversal, and a frame without a camera.

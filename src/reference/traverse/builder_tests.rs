@@ -1,13 +1,13 @@
 //! Hits do not depend on how the tree was built, bit for bit.
 
-use glam::Vec3;
-
 use super::*;
 use crate::bvh::quality::Quality;
 use crate::bvh::{Builder, build};
 use crate::layout::{NO_HIT, Triangle};
 use crate::reference::ray::no_hit;
-use crate::reference::testing::{KINDS, Random, Scene, aimed_ray, triangle, triangles_of};
+use crate::reference::testing::{
+    KINDS, Random, Scene, aimed_ray, grazing_ray, procedural, triangle, triangles_of,
+};
 
 const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
 
@@ -16,7 +16,7 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.id]
 }
 
-/// Long walls, floors and roofs, whole and tilted, with small things between: what spatial splits are for.
+/// A few long walls, floors and roofs, whole and tilted, across many small things: what spatial splits are for.
 fn hall(seed: u64, count: usize) -> Vec<Triangle> {
     let mut random = Random::new(seed);
     (0..count as u32)
@@ -26,33 +26,14 @@ fn hall(seed: u64, count: usize) -> Vec<Triangle> {
                 1 => (random.axis(), random.axis()),
                 _ => (random.direction(), random.direction()),
             };
-            let (length, width) = match random.below(3) {
-                0 => (1.5, 0.4),
+            let (length, width) = match random.below(16) {
+                0 => (1.5, 0.2),
                 1 => (1.0, 1.0),
                 _ => (0.1, 0.1),
             };
             triangle(id, random.point(), along * length * random.unit(), across * width * random.unit())
         })
         .collect()
-}
-
-/// A ray at a point of an edge, a corner or the inside, nearly in the triangle's plane, from near to ten times the
-/// scene's size.
-fn grazing_ray(random: &mut Random, target: &Triangle) -> Ray {
-    let [a, ab, ac] = [target.a, target.ab, target.ac].map(Vec3::from);
-    let (u, v) =
-        [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.0), (0.3, 0.3), (0.2, 0.8)][random.below(6) as usize];
-    let point = a + u * ab + v * ac;
-    let in_plane = match random.below(4) {
-        0 => ab,
-        1 => ac,
-        2 => ac - ab,
-        _ => ab * random.signed() + ac * random.signed(),
-    };
-    let tilt = 2f32.powi(-(random.below(26) as i32));
-    let direction = in_plane.normalize_or(Vec3::X) + ab.cross(ac).normalize_or(Vec3::Y) * tilt;
-    let distance = [0.5, 2.0, 8.0, 20.0][random.below(4) as usize] * random.unit();
-    Ray { origin: point - direction * distance, direction, t_max: f32::MAX }
 }
 
 /// Rays that a traversal of the tree answers otherwise than a test of every triangle, of `count` of each kind.
@@ -110,7 +91,7 @@ fn every_builder_gives_the_same_bits() {
 fn spatial_splits_lose_no_hit() {
     let mut duplicates = 0;
     for seed in 0..12 {
-        let triangles = hall(70 + seed, 60 + 30 * seed as usize);
+        let triangles = hall(70 + seed, 100 + 100 * seed as usize);
         let plain = Scene::of(triangles.clone());
         let tree = build(Builder::Sbvh, &triangles, &|_| ());
         duplicates += Quality::of(&tree, &triangles).duplicates;
@@ -119,5 +100,16 @@ fn spatial_splits_lose_no_hit() {
         assert!(wrong.is_empty(), "{} such as {}", wrong.len(), wrong[0]);
     }
     println!("{duplicates} duplicates");
-    assert!(duplicates > 200, "{duplicates}: too few cuts to prove anything");
+    assert!(duplicates > 800, "{duplicates}: too few cuts to prove anything");
+}
+
+#[test]
+fn a_house_is_the_same_from_every_tree() {
+    let triangles = procedural("maison", None);
+    let plain = Scene::of(triangles.clone());
+    for builder in BUILDERS {
+        let scene = Scene::with(&build(builder, &triangles, &|_| ()), &triangles);
+        let wrong = differences(&scene, &plain, &triangles, 90, 600);
+        assert!(wrong.is_empty(), "{builder}: {} such as {}", wrong.len(), wrong[0]);
+    }
 }
