@@ -12,7 +12,6 @@
 #include "shared/surface.glsl"
 #include "shared/accumulate.glsl"
 #include "shared/counters.glsl"
-#include "shared/pixel_work.glsl"
 
 // A tile of pixels.
 layout(local_size_x = TILE_SIDE, local_size_y = TILE_SIDE) in;
@@ -40,6 +39,7 @@ bool ray_overflowed;
 uint overflowed;
 
 #include "shared/parts.glsl"
+#include "shared/pixel_work.glsl"
 
 bool next_closest(out Ray ray, out Hit hit, out uint id) {
     ray = primary_ray;

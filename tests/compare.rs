@@ -60,6 +60,29 @@ fn the_first_form_refuses_what_does_not_fit() {
     assert!(!output.status.success() && said.contains("holds 1024 triangles"), "{said}");
 }
 
+/// A method that OpenGL 4.3 cannot run is left out with the reason; the others are compared.
+#[test]
+fn methods_that_vote_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_cousu"))
+        .args(["compare", &format!("{ASSETS}/cornell.obj"), "--quick", "--frames", "3"])
+        .args(["--methods", "packet,postponed,single-push", "-o"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    for method in ["packet", "postponed"] {
+        assert!(
+            said.contains(&format!("{method} is left out: {method} needs subgroup operations")),
+            "{said}"
+        );
+    }
+    let record: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("compare.json")).unwrap()).unwrap();
+    assert_eq!(record["rows"].as_array().unwrap().len(), 1);
+}
+
 #[test]
 fn compare_writes_its_table_and_its_pictures() {
     let (record, folder) = compare("cornell", &["--methods", "threaded", "--frames", "3"]);

@@ -189,8 +189,8 @@ fn compare(
         let (row, images) = measure(&form.to_string(), &mut gl, &mut stage.bind()?, &effort)?;
         return Ok((Row { gl_timer: gl.timer(), ..row }, images));
     }
-    let stage = Stage::new(device, &plan)?;
     let mut gl = OpenGlFrames::new(context, &plan)?;
+    let stage = Stage::new(device, &plan)?;
     let (row, images) = measure(&form.to_string(), &mut gl, &mut stage.bind()?, &effort)?;
     Ok((Row { gl_timer: gl.timer(), ..row }, images))
 }

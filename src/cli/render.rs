@@ -14,14 +14,15 @@ use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::spans::Spans;
+use crate::render::work::count_work;
 use crate::report::atomic::Output;
 use crate::report::manifest::Manifest;
 use crate::report::png::Encoding;
 use crate::report::record::RenderRecord;
 use crate::report::trace::Timeline;
-use crate::report::{exr, png};
+use crate::report::{exr, heatmap, png};
 use crate::scene::Scene;
-use crate::vk::Calibration;
+use crate::vk::{Calibration, Device};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -48,6 +49,10 @@ pub struct Arguments {
     /// Where a timeline of host and device goes, for Perfetto or chrome://tracing (Chrome trace format)
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
+    /// Where a map of what each pixel's rays cost goes (PNG): node visits and triangle tests per ray, counted over up to
+    /// 16 samples of a pixel
+    #[arg(long, value_name = "FILE")]
+    heatmap: Option<PathBuf>,
     /// Write linear bytes into a PNG instead of sRGB
     #[arg(long)]
     linear: bool,
@@ -84,6 +89,7 @@ struct Outputs {
     json: Option<Output>,
     json_to_stdout: bool,
     trace: Option<Output>,
+    heatmap: Option<Output>,
 }
 
 impl Outputs {
@@ -98,21 +104,23 @@ impl Outputs {
             _ => None,
         };
         let trace = arguments.trace.as_deref().map(Output::claim).transpose()?;
+        let heatmap = arguments.heatmap.as_deref().map(Output::claim).transpose()?;
         let places = [
             picture.as_ref().map(|(_, output)| output.path().to_path_buf()),
             json.as_ref().map(|output| output.path().to_path_buf()),
             trace.as_ref().map(|output| output.path().to_path_buf()),
+            heatmap.as_ref().map(|output| output.path().to_path_buf()),
             std::fs::canonicalize(&arguments.scene).ok(),
         ];
         for (place, path) in places.iter().enumerate().filter(|(_, path)| path.is_some()) {
             if places[..place].contains(path) {
                 return Err(Error::usage(format!(
-                    "{} would be written over: give scene, picture, record and timeline different names.",
+                    "{} would be written over: give scene, picture and the other results different names.",
                     path.as_deref().unwrap_or(Path::new("")).display()
                 )));
             }
         }
-        Ok(Self { picture, json, json_to_stdout, trace })
+        Ok(Self { picture, json, json_to_stdout, trace, heatmap })
     }
 
     fn write(self, picture: &Picture, record: &RenderRecord, encoding: Encoding) -> Result<()> {
@@ -141,7 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let start = Instant::now();
     let mut spans = Spans::new(start);
     let mut outputs = Outputs::claim(arguments)?;
-    let trace = outputs.trace.take();
+    let (trace, heatmap) = (outputs.trace.take(), outputs.heatmap.take());
     let begin = Instant::now();
     let scene = Scene::load(&arguments.scene)?;
     spans.phase("load scene", begin);
@@ -200,5 +208,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         output.write(|out| timeline.write(out))?;
     }
-    Ok(())
+    match heatmap {
+        Some(output) => write_heatmap(output, &device, &plan, &record.manifest),
+        None => Ok(()),
+    }
+}
+
+/// Samples of a pixel over which costs are counted, at most.
+const HEATMAP_SAMPLES: u32 = 16;
+
+fn write_heatmap(output: Output, device: &Device, plan: &Plan<'_>, manifest: &Manifest) -> Result<()> {
+    let begin = plan.job.samples.start;
+    let samples = (plan.job.samples.len() as u32).min(HEATMAP_SAMPLES);
+    let plan = Plan { job: Job { samples: begin..begin + samples, ..plan.job.clone() }, ..plan.clone() };
+    let Some(work) = count_work(device, &plan)? else {
+        return Err(Error::device(format!(
+            "{} lacks the subgroup operations that counting needs: leave --heatmap out or choose another --device.",
+            device.adapter().name
+        )));
+    };
+    let map = heatmap::draw(&work, plan.tiles, samples);
+    output.write(|mut out| png::write_rgb(&map, Encoding::Srgb, manifest, &mut out))
 }

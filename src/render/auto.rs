@@ -5,6 +5,7 @@ use super::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Setti
 use super::geometry::Geometry;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
+use crate::kernels::Kernel;
 use crate::vk::{Adapter, DeviceKind};
 
 /// How kernels read geometry.
@@ -167,5 +168,65 @@ pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) ->
             )))
         }
         _ => Ok(()),
+    }
+}
+
+/// Refuses a kernel whose subgroup operations the device does not have.
+pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
+    check_operations(kernel, &adapter.name, adapter.subgroup.size, &adapter.subgroup.operations())
+}
+
+/// Lanes that `packet` shares a node's words among, where they are texels.
+const FEWEST_LANES: u32 = 4;
+
+fn check_operations(kernel: &Kernel, device: &str, size: u32, operations: &[&str]) -> Result<()> {
+    let lacking: Vec<&str> =
+        kernel.subgroup.iter().filter(|needed| !operations.contains(needed)).copied().collect();
+    let lack = match lacking.len() {
+        0 if kernel.subgroup.contains(&"shuffle") && size < FEWEST_LANES => {
+            format!("subgroups of at least {FEWEST_LANES} lanes")
+        }
+        0 => return Ok(()),
+        _ => format!("the subgroup operations {}", lacking.join(", ")),
+    };
+    Err(Error::device(format!(
+        "{device} has not {lack}, which the kernel {} needs: choose --method ordered, which needs none.",
+        kernel.name
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::{KERNELS, find_kernel};
+
+    #[test]
+    fn a_device_without_the_subgroup_operations_is_refused_by_name() {
+        let packet = find_kernel("ambient/packet/count/texel").unwrap();
+        let all = ["basic", "vote", "arithmetic", "ballot", "shuffle", "quad"];
+        check_operations(packet, "A", 4, &all).unwrap();
+        let few = check_operations(packet, "A", 2, &all).unwrap_err().to_string();
+        assert!(few.contains("at least 4 lanes"), "{few}");
+        let none = check_operations(packet, "A", 32, &["basic", "vote"]).unwrap_err().to_string();
+        assert!(none.contains("arithmetic") && none.contains("--method ordered"), "{none}");
+        let ordered = find_kernel("ambient/ordered/count/ssbo").unwrap();
+        check_operations(ordered, "A", 0, &[]).unwrap();
+    }
+
+    /// Only the methods that vote, and the kernels that count, need more than a lone invocation.
+    #[test]
+    fn timed_kernels_have_no_subgroup_operations_but_their_method_s() {
+        for kernel in KERNELS {
+            let votes = ["/packet/", "/postponed/"].iter().any(|method| kernel.name.contains(method));
+            let counts = kernel.name.starts_with("work/");
+            assert_eq!(
+                !kernel.subgroup.is_empty(),
+                votes || counts,
+                "{}: {:?}",
+                kernel.name,
+                kernel.subgroup
+            );
+            assert_eq!(kernel.glsl.is_empty(), votes || counts, "{}", kernel.name);
+        }
     }
 }

@@ -24,6 +24,7 @@ pub struct Band<'a> {
     seeds: Buffer,
     carry: Buffer,
     between: Buffers,
+    work: Buffer,
 }
 
 /// Where a submit counts what it does.
@@ -73,7 +74,16 @@ impl<'a> Band<'a> {
             seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
             carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
             between: Buffers::new(device, plan, pixels)?,
+            work: zeroed("work", plan.counts_work(), size_of::<layout::Work>())?,
         })
+    }
+
+    /// What each pixel's rays cost, if the kernel counts it.
+    pub fn work(&self) -> Result<Vec<layout::Work>> {
+        if !self.stage.plan.counts_work() {
+            return Ok(Vec::new());
+        }
+        Ok(bytemuck::pod_collect_to_vec(&self.work.read(self.stage.device)?))
     }
 
     /// These samples of all pixels, which must be the next ones.
@@ -205,6 +215,7 @@ impl<'a> Band<'a> {
             (layout::BINDING_SEEDS, Binding::Buffer(&self.seeds)),
             (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
             (layout::BINDING_COUNTERS, Binding::Buffer(&slot.counters)),
+            (layout::BINDING_WORK, Binding::Buffer(&self.work)),
         ];
         bindings
             .extend(self.stage.image.as_ref().map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
@@ -246,6 +257,9 @@ impl<'a> Band<'a> {
         }
         if plan.brute() {
             hazards.push(again(&self.carry));
+        }
+        if plan.counts_work() {
+            hazards.push(again(&self.work));
         }
         hazards.extend(
             self.stage.image.as_ref().map(|i| Hazard::Image(i, Access::ShaderWrite, Access::ShaderWrite)),

@@ -10,7 +10,7 @@ use super::spans::Spans;
 use super::stage::{Stage, Uploaded};
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::layout::{self, Carry, Count, RayRecord};
+use crate::layout::{self, Carry, Count, RayRecord, Work};
 use crate::vk::{Device, ImageFormat};
 
 /// What came of a render.
@@ -102,6 +102,7 @@ pub(super) fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
     let group = u64::from(layout::WORKGROUP_SIZE);
     let largest_record = match plan.settings.passes {
         Passes::Staged => size_of::<RayRecord>(),
+        _ if plan.counts_work() => size_of::<Work>(),
         _ if plan.brute() => size_of::<Carry>(),
         _ => size_of::<Count>(),
     } as u64;

@@ -80,10 +80,9 @@ impl Geometry {
         match method {
             Method::Brute | Method::Threaded => 0,
             Method::Stack(_) => self.stack_bound,
+            Method::SinglePush => bvh::stack::single_push_bound(&self.tree),
             // Of two children one is visited at once, whichever it is, and the other waits.
-            Method::SinglePush | Method::Ordered | Method::Packet | Method::Postponed | Method::Wide => {
-                self.tree.depth()
-            }
+            Method::Ordered | Method::Packet | Method::Postponed | Method::Wide => self.tree.depth(),
         }
     }
 }

@@ -19,3 +19,4 @@ pub mod spans;
 pub mod stage;
 pub mod tally;
 pub mod tiles;
+pub mod work;

@@ -29,6 +29,7 @@ pub struct Job {
 }
 
 /// Plain data that an executor turns into pixels.
+#[derive(Clone)]
 pub struct Plan<'a> {
     pub job: Job,
     pub settings: Settings,
@@ -121,6 +122,13 @@ impl<'a> Plan<'a> {
     pub fn node_layout(&self) -> NodeLayout {
         let layouts = self.kernels.iter().map(|kernel| kernel.nodes);
         layouts.into_iter().find(|layout| *layout != NodeLayout::None).unwrap_or(NodeLayout::None)
+    }
+
+    /// Whether its kernels write what each pixel's rays cost.
+    pub fn counts_work(&self) -> bool {
+        let writes =
+            |kernel: &&Kernel| kernel.bindings.iter().any(|(binding, _)| *binding == layout::BINDING_WORK);
+        self.kernels.iter().any(writes)
     }
 
     /// The kernel that a single pass consists of.

@@ -2,6 +2,7 @@
 
 use std::rc::Rc;
 
+use super::auto;
 use super::choices::Passes;
 use super::execute::image_format;
 use super::geometry::Geometry;
@@ -115,6 +116,9 @@ impl<'a> Stage<'a> {
 
     /// With arrays that are there already; they must be the plan's.
     pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
+        for kernel in &plan.kernels {
+            auto::check_subgroup(kernel, device.adapter())?;
+        }
         let compile =
             |kernel: &&'static _| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32);
         Ok(Self {

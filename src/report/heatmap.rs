@@ -5,6 +5,7 @@ use image::{Rgb, RgbImage};
 
 use crate::layout::Work;
 use crate::render::tiles::Tiles;
+use crate::render::work::WorkCount;
 
 /// Side of a letter, pixels.
 const LETTER: u32 = 8;
@@ -29,12 +30,15 @@ struct Panel {
     values: Vec<f64>,
 }
 
-/// The map: four panels, each with its own scale. `works`: by pixel number; `samples`: ambient rays of a pixel that hit.
-pub fn draw(works: &[Work], tiles: Tiles, samples: u32) -> RgbImage {
-    let rays = f64::from(samples.max(1));
+/// The map: four panels, each with its own scale. `samples`: ambient rays of a pixel that hit.
+pub fn draw(work: &WorkCount, tiles: Tiles, samples: u32) -> RgbImage {
+    let (works, rays) = (&work.pixels, f64::from(samples.max(1)));
+    // A pixel's camera ray is traced with each dispatch of its samples.
+    let pixels = u64::from(tiles.width) * u64::from(tiles.height);
+    let times = (work.camera_rays as f64 / pixels.max(1) as f64).max(1.0);
     let panels: [Panel; 4] = [
-        panel("node visits of the camera ray", works, tiles, |work| f64::from(work.closest_visits)),
-        panel("triangle tests of the camera ray", works, tiles, |work| f64::from(work.closest_tests)),
+        panel("node visits per camera ray", works, tiles, |work| f64::from(work.closest_visits) / times),
+        panel("triangle tests per camera ray", works, tiles, |work| f64::from(work.closest_tests) / times),
         panel("node visits per ambient ray", works, tiles, |work| f64::from(work.any_visits) / rays),
         panel("triangle tests per ambient ray", works, tiles, |work| f64::from(work.any_tests) / rays),
     ];
@@ -114,6 +118,7 @@ fn write_text(map: &mut RgbImage, (left, top): (u32, u32), text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::work::RayWork;
 
     #[test]
     fn costs_are_coloured_where_they_arise() {
@@ -121,7 +126,9 @@ mod tests {
         let mut works = vec![Work::default(); tiles.padded_pixels() as usize];
         works[tiles.number(3, 2) as usize] = Work { closest_visits: 8, any_tests: 40, ..Work::default() };
         works[tiles.number(4, 2) as usize] = Work { closest_visits: 4, any_tests: 20, ..Work::default() };
-        let map = draw(&works, tiles, 4);
+        let (closest, any) = (RayWork::default(), RayWork::default());
+        let work = WorkCount { pixels: works, camera_rays: 240 * 9, closest, any, repeats: 0 };
+        let map = draw(&work, tiles, 4);
         let panel_high = TITLE + 9 + 2 + SCALE;
         let at = |column: u32, row: u32, x: u32, y: u32| {
             *map.get_pixel(

@@ -91,9 +91,15 @@ pub fn plan_decided<'a>(
 /// The same wishes with each method and accessor.
 pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> Vec<Decision> {
     let mut decisions = Vec::new();
-    for method in
-        [Method::Brute, Method::Stack(geometry.stack_bound.max(1)), Method::Threaded, Method::Ordered]
-    {
+    for method in [
+        Method::Brute,
+        Method::Stack(geometry.stack_bound.max(1)),
+        Method::Threaded,
+        Method::SinglePush,
+        Method::Ordered,
+        Method::Packet,
+        Method::Postponed,
+    ] {
         for accessor in [Accessor::StorageBuffer, Accessor::TexelBuffer] {
             let decision =
                 auto::decide(&Wishes { method: Some(method), ..wishes }, geometry, device.adapter());

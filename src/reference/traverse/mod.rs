@@ -2,7 +2,10 @@
 
 pub mod brute;
 pub mod ordered;
+pub mod packet;
 pub mod pair;
+pub mod postponed;
+pub mod single_push;
 pub mod stack;
 pub mod threaded;
 
@@ -15,7 +18,10 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
         Traversal::Brute => (brute::closest_hit(inputs, ray, hit), false),
         Traversal::Stack { size } => stack::closest_hit(inputs, ray, hit, size),
         Traversal::Threaded => (threaded::closest_hit(inputs, ray, hit), false),
-        _ => (ordered::closest_hit(inputs, ray, hit), false),
+        Traversal::SinglePush => (single_push::closest_hit(inputs, ray, hit), false),
+        Traversal::Packet => (packet::closest_hits(inputs, &[*ray], vec![hit])[0], false),
+        Traversal::Postponed => (postponed::closest_hits(inputs, &[*ray], vec![hit])[0], false),
+        Traversal::Ordered | Traversal::Wide => (ordered::closest_hit(inputs, ray, hit), false),
     }
 }
 
@@ -25,7 +31,10 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
         Traversal::Brute => (brute::any_hit(inputs, ray), false),
         Traversal::Stack { size } => stack::any_hit(inputs, ray, size),
         Traversal::Threaded => (threaded::any_hit(inputs, ray), false),
-        _ => (ordered::any_hit(inputs, ray), false),
+        Traversal::SinglePush => (single_push::any_hit(inputs, ray), false),
+        Traversal::Packet => (packet::any_hits(inputs, &[*ray])[0], false),
+        Traversal::Postponed => (postponed::any_hits(inputs, &[*ray])[0], false),
+        Traversal::Ordered | Traversal::Wide => (ordered::any_hit(inputs, ray), false),
     }
 }
 

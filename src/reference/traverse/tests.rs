@@ -40,7 +40,14 @@ fn every_method_and_order_finds_the_same_bits() {
             let (any, _) = any_hit(&scene.by(Traversal::Brute), &ray);
             assert_eq!(any, hit.index != crate::layout::NO_HIT);
             met += u32::from(any);
-            for other in [stack, Traversal::Threaded, Traversal::Ordered] {
+            for other in [
+                stack,
+                Traversal::Threaded,
+                Traversal::SinglePush,
+                Traversal::Ordered,
+                Traversal::Packet,
+                Traversal::Postponed,
+            ] {
                 let inputs = scene.by(other);
                 let (found, overflowed) = closest_hit(&inputs, &ray, no_hit(ray.t_max));
                 assert_eq!(found.index, hit.index, "{kind:?} {other:?} {ray:?}");
@@ -60,6 +67,33 @@ fn every_method_and_order_finds_the_same_bits() {
             }
         }
         assert!(met > 50, "{kind:?}: {met} rays met something");
+    });
+}
+
+/// Rays of any direction that go together, in packets and in groups whose leaves wait, fare as each by itself.
+#[test]
+fn rays_together_find_the_bits_of_each_alone() {
+    all_scenes(|kind, triangles, scene| {
+        let (alone, together) = (scene.by(Traversal::Brute), scene.by(Traversal::Packet));
+        for lanes in [1, 3, 8, 32] {
+            for seed in 0..4 {
+                let rays = rays_at(triangles, 30 + seed, lanes);
+                let start = || rays.iter().map(|ray| no_hit(ray.t_max)).collect::<Vec<_>>();
+                let closest = [
+                    packet::closest_hits(&together, &rays, start()),
+                    postponed::closest_hits(&together, &rays, start()),
+                ];
+                let any = [packet::any_hits(&together, &rays), postponed::any_hits(&together, &rays)];
+                for (lane, ray) in rays.iter().enumerate() {
+                    let hit = closest_hit(&alone, ray, no_hit(ray.t_max)).0;
+                    let met = any_hit(&alone, ray).0;
+                    for found in &closest {
+                        assert_eq!(bits(found[lane]), bits(hit), "{kind:?}, {lanes} lanes, {ray:?}");
+                    }
+                    assert!(any.iter().all(|found| found[lane] == met), "{kind:?}, {lanes} lanes, {ray:?}");
+                }
+            }
+        }
     });
 }
 

@@ -1,7 +1,7 @@
 //! Frames on OpenGL.
 
 use super::{Frames, check, groups_of, range_of};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gl::{Buffer, BufferTarget, Clock, Context, Image, Program, TimerKind};
 use crate::layout::{self, Counters};
 use crate::render::choices::Accumulator;
@@ -27,6 +27,12 @@ pub struct OpenGlFrames<'a> {
 impl<'a> OpenGlFrames<'a> {
     /// The plan's accumulator must be an image and its accessor the storage buffer, as in the original.
     pub fn new(context: &Context, plan: &'a Plan<'a>) -> Result<Self> {
+        if plan.kernel().glsl.is_empty() {
+            return Err(Error::usage(format!(
+                "{} needs subgroup operations, which OpenGL 4.3 does not have: choose other --methods.",
+                plan.settings.method
+            )));
+        }
         let storage = |content: &[u8]| Buffer::new(context, BufferTarget::Storage, content);
         let uniform = |content: &[u8]| Buffer::new(context, BufferTarget::Uniform, content);
         let inputs = [
