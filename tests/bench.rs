@@ -77,6 +77,9 @@ fn every_row_counts_the_same_rays_and_tells_all_its_keys() {
         check_keys(row);
         assert_eq!(row["frames"], 3);
         assert!(row["traversal_ms"].as_f64().unwrap() > 0.0, "{row}");
+        if row["preset"] == "auto" {
+            assert!(row["any"]["tests"].as_f64().unwrap() > 0.0, "{row}");
+        }
         let undersized = row["method"] == "stack2";
         assert_eq!(row["overflowed_rays"].as_u64().unwrap() > 0, undersized, "{row}");
         match row["mismatched_pixels"].as_u64() {

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::auto;
 use super::plan::Plan;
 use super::raylist::{MOST_RAYS, Query, check_finished, range_of, trace_kernel};
 use super::repeat::FrameCost;
@@ -74,6 +75,7 @@ impl<'a> Retraced<'a> {
         query: Query,
     ) -> Result<Self> {
         let kernel = find_kernel(&trace_kernel(plan))?;
+        auto::check_subgroup(kernel, device.adapter())?;
         let hits = |piece: &Piece| {
             let bytes = u64::from(piece.count) * size_of::<HitRecord>() as u64;
             Buffer::new(device, "hits", BufferUse::Storage, bytes)

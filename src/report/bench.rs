@@ -4,8 +4,9 @@ use std::io::{self, Write};
 
 use comfy_table::{CellAlignment, Table, presets};
 
-use crate::lab::bench::rows::{Row, WorkRow, method_label};
+use crate::lab::bench::rows::{Row, method_label};
 use crate::lab::bench::table1::TableRow;
+use crate::render::work::RayWork;
 
 /// Columns of the CSV, in the order of the values of [`write_csv`].
 const COLUMNS: &str = "scene,scene_hash,triangles,view,preset,method,builder,passes,query,api,accessor,spp,frames,\
@@ -18,8 +19,8 @@ pub fn write_csv(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "{COLUMNS}")?;
     for row in rows {
         let [low, high] = row.gpu_ms_ci95;
-        let work = |work: &Option<WorkRow>| match work {
-            Some(WorkRow { visits, tests, lanes }) => format!("{visits},{tests},{lanes}"),
+        let work = |work: &Option<RayWork>| match work {
+            Some(RayWork { visits, tests, lanes }) => format!("{visits},{tests},{lanes}"),
             None => ",,".into(),
         };
         let values = [
@@ -100,7 +101,7 @@ pub fn table(rows: &[&Row]) -> String {
     column("build ms", &|row| digits(row.build_ms));
     column("nodes MB", &|row| digits(row.bvh_bytes as f64 * 1e-6));
     column("regs", &|row| shown(row.registers));
-    let work = |work: &Option<WorkRow>| {
+    let work = |work: &Option<RayWork>| {
         work.map(|work| format!("{:.1}+{:.1}", work.visits, work.tests)).unwrap_or_default()
     };
     column("closest", &|row| work(&row.closest));

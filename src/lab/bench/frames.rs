@@ -5,7 +5,7 @@ use std::cell::{Cell, RefCell};
 use super::reference::{Reference, share_of};
 use super::rows::{Row, Spec};
 use super::schedule::{Repeat, elements_in, interleave, shuffled, spans};
-use super::target::{blank_row, bvh_bytes, groups, plan_of, row_bytes, set_times};
+use super::target::{blank_row, bvh_bytes, groups, plan_of, plan_sized, row_bytes, set_times};
 use super::{Bench, Case, Watch, has_reference, left_out};
 use crate::error::{Error, Result};
 use crate::lab::statistics::Median;
@@ -14,6 +14,7 @@ use crate::render::plan::Plan;
 use crate::render::repeat::Repeated;
 use crate::render::stage::{Stage, Uploads, traversal_statistics};
 use crate::render::tally::Totals;
+use crate::render::work::{RayWork, count_work};
 
 /// Frames of the runs beside the timed one.
 const ASIDE_FRAMES: usize = 5;
@@ -51,6 +52,9 @@ impl Repeat for Running<'_> {
     }
 }
 
+/// Of camera rays and of ambient rays.
+type Costs = [RayWork; 2];
+
 /// What the rows of a view share while they run.
 struct View<'a> {
     bench: &'a Bench<'a>,
@@ -59,6 +63,8 @@ struct View<'a> {
     uploads: RefCell<Uploads>,
     /// Traversal times by method and builder; `None` where they could not be had.
     traversals: RefCell<Vec<(Spec, Option<f64>)>>,
+    /// What rays cost, likewise.
+    works: RefCell<Vec<(Spec, Option<Costs>)>>,
     all: usize,
     done: Cell<usize>,
 }
@@ -87,6 +93,7 @@ pub fn measure(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Res
         reference,
         uploads: RefCell::default(),
         traversals: RefCell::default(),
+        works: RefCell::default(),
         all: planned.len(),
         done: Cell::new(0),
     };
@@ -198,6 +205,8 @@ impl View<'_> {
             told.first_frame_ms = median.map(|ms| ms / first_share);
         }
         told.traversal_ms = self.traversal_ms(spec, plan, &row.spans).map(|ms| ms / first_share);
+        [told.closest, told.any] =
+            self.costs(spec, plan, elements_in(&row.spans)).map_or([None; 2], |costs| costs.map(Some));
         if let Some(statistics) = traversal_statistics(self.bench.device, plan)? {
             told.registers = statistics.registers;
             told.stack_bytes = statistics.stack_bytes;
@@ -214,6 +223,28 @@ impl View<'_> {
             self.traversals.borrow_mut().push((staged, ms));
             ms
         })
+    }
+
+    /// What the row's rays cost, from a picture of so many pixels.
+    fn costs(&self, spec: &Spec, plan: &Plan<'_>, pixels: u64) -> Option<Costs> {
+        let single = Spec { passes: Passes::Single, ..*spec };
+        let known = self.works.borrow().iter().find(|(known, _)| *known == single).map(|(_, costs)| *costs);
+        known.unwrap_or_else(|| {
+            // A method that cannot be counted is measured all the same.
+            let costs = self.count(&single, plan, pixels).ok().flatten();
+            self.works.borrow_mut().push((single, costs));
+            costs
+        })
+    }
+
+    fn count(&self, spec: &Spec, plan: &Plan<'_>, pixels: u64) -> Result<Option<Costs>> {
+        let (width, height) = plan.job.size;
+        let side = (pixels as f64 / plan.tiles.padded_pixels() as f64).sqrt();
+        let smaller = |length: u32| ((f64::from(length) * side).round() as u32).max(1);
+        let size = (smaller(width), smaller(height));
+        let plan = plan_sized(self.bench, self.case, spec, plan.geometry, size)?;
+        let count = count_work(self.bench.device, &plan)?;
+        Ok(count.filter(|count| count.repeats == 0).map(|count| [count.closest, count.any]))
     }
 
     fn time_traversal(&self, spec: &Spec, plan: &Plan<'_>, spans: &[(u32, u32)]) -> Result<Option<f64>> {

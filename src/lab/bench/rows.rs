@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::bvh::Builder;
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
+use crate::render::work::RayWork;
 
 /// The choices of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,17 +105,6 @@ pub fn original_specs(lists: &Lists) -> Vec<Spec> {
     REPORTED.into_iter().filter(wanted).map(spec).collect()
 }
 
-/// What the traversal of a kind of ray costs, the mean of a ray.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct WorkRow {
-    /// Boxes' nodes visited.
-    pub visits: f64,
-    /// Triangles tested.
-    pub tests: f64,
-    /// Share of the subgroup's lanes that had work, in [0, 1].
-    pub lanes: f64,
-}
-
 /// A measured row. `None` (null) where a figure does not exist or was not found out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
@@ -166,8 +156,10 @@ pub struct Row {
     /// Of the kernel that traces ambient rays (or the list); `None` where the driver does not tell.
     pub registers: Option<u32>,
     pub stack_bytes: Option<u32>,
-    pub closest: Option<WorkRow>,
-    pub any: Option<WorkRow>,
+    /// Of camera rays and ambient rays, from a run of a kernel that counts (`render/work.rs`); of a smaller picture
+    /// where the row ran on a part.
+    pub closest: Option<RayWork>,
+    pub any: Option<RayWork>,
 }
 
 /// A row that could not be measured.

@@ -128,11 +128,7 @@ pub type FrameOver<'a> = dyn FnMut(&[(u32, u32)]) -> Result<f64> + 'a;
 
 /// How much of a picture of so many elements a row may take, in (0, 1], found by running growing parts of it:
 /// `run` gives the time of a frame over spans.
-pub fn share_that_fits(
-    elements: u32,
-    effort: &Effort,
-    run: &mut FrameOver<'_>,
-) -> Result<f64> {
+pub fn share_that_fits(elements: u32, effort: &Effort, run: &mut FrameOver<'_>) -> Result<f64> {
     let least = f64::from(PARTS) / f64::from((elements / WORKGROUP_SIZE).max(PARTS));
     let mut share = least;
     // Drivers that compile at the first dispatch do it now.

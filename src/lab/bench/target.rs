@@ -18,11 +18,22 @@ pub fn plan_of<'a>(
     spec: &Spec,
     geometry: &'a Geometry,
 ) -> Result<Plan<'a>> {
+    plan_sized(bench, case, spec, geometry, bench.options.size)
+}
+
+/// The same for a picture of another size.
+pub fn plan_sized<'a>(
+    bench: &Bench<'_>,
+    case: &Case<'a>,
+    spec: &Spec,
+    geometry: &'a Geometry,
+    size: (u32, u32),
+) -> Result<Plan<'a>> {
     let scene = &case.subject.scene;
     let decision = auto::decide(&spec.wishes(), geometry, bench.device.adapter());
     let job = Job {
         camera: case.view.camera_for(scene),
-        size: bench.options.size,
+        size,
         samples: 0..if spec.preset == Preset::Original { FRAME_SAMPLES } else { bench.options.spp },
         seed: bench.options.seed,
         max_distance: None,
