@@ -1,6 +1,7 @@
 //! The command line: one thin file a command.
 
 mod args;
+mod bench;
 mod compare;
 mod devices;
 mod doctor;
@@ -31,6 +32,8 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Run the same frames on OpenGL and on Vulkan, side by side: images and times.
     Compare(Box<compare::Arguments>),
+    /// Measure every method on scenes, frame by frame in turn: GPU times, the report's Table 1.
+    Bench(Box<bench::Arguments>),
     /// List the Vulkan devices, best first.
     Devices,
     /// Tell what is there, what is missing and how to get it.
@@ -58,6 +61,7 @@ fn dispatch() -> Result<()> {
     match Cli::parse().command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),
         Command::Inspect(arguments) => inspect::run(&arguments),

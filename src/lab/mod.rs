@@ -1,4 +1,5 @@
 //! Experiments, one a file. They see plans and records, never a handle of an API.
 
+pub mod bench;
 pub mod compare;
 pub mod statistics;

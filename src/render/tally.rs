@@ -50,7 +50,7 @@ impl Totals {
         }
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.primary_asked += other.primary_asked;
         self.primary_finished += other.primary_finished;
         self.ambient_asked += other.ambient_asked;
