@@ -8,6 +8,8 @@
 CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
 
 #define ROOT 0
+// No reference; see pair.glsl.
+#define NOTHING (-0x7fffffff - 1)
 
 uvec2 stack[STACK_ROOM];
 
@@ -103,9 +105,11 @@ bool closest_hit(Ray ray, inout Hit hit) {
         if (more) {
             reference = load_wide_child(int(group.x), uint(findLSB(group.y)) ^ octant);
             group.y &= group.y - 1u;
+        } else {
+            reference = NOTHING;
         }
     }
-    return finished && !more;
+    return finished && reference == NOTHING;
 }
 
 bool any_hit(Ray ray, inout bool occluded) {
@@ -127,9 +131,11 @@ bool any_hit(Ray ray, inout bool occluded) {
         if (more) {
             reference = load_wide_child(int(group.x), uint(findLSB(group.y)));
             group.y &= group.y - 1u;
+        } else {
+            reference = NOTHING;
         }
     }
-    return occluded || (finished && !more);
+    return occluded || (finished && reference == NOTHING);
 }
 
 #include "one_ray.glsl"
