@@ -1,5 +1,6 @@
 // Ambient rays of the listed pixels: an invocation takes a block of one pixel's samples and writes what came of it
-// where no other writes. (passes: split)
+// where no other writes. (passes: split) Experiments: with ADDS_ATOMICALLY it adds to the pixel's counts instead, which
+// other invocations add to as well; with ADDS_TO_ONE every escaped ray is also added to one place for all.
 #define USES_ANY
 #include "shared/scene.glsl"
 #include "shared/arith.glsl"
@@ -17,7 +18,11 @@ layout(local_size_x = WORKGROUP_SIZE) in;
 
 STORAGE_BLOCK(BINDING_HITS) readonly buffer HitBlock { HitRecord hits[]; };
 STORAGE_BLOCK(BINDING_SEEDS) readonly buffer SeedBlock { uint seeds[]; };
+#ifdef ADDS_ATOMICALLY
+STORAGE_BLOCK(BINDING_COUNTS) buffer CountBlock { Count counts[]; };
+#else
 STORAGE_BLOCK(BINDING_PARTIALS) writeonly buffer PartialBlock { Partial partials[]; };
+#endif
 
 uint pixel;
 Surface surface;
@@ -57,6 +62,9 @@ void retire_any(uint id, bool occluded, bool finished) {
     if (!occluded) {
         escaped[id & 1u]++;
         sum += sample_weight;
+#ifdef ADDS_TO_ONE
+        atomicAdd(counters[0].escaped, 1u);
+#endif
     }
 }
 
@@ -72,23 +80,38 @@ void main() {
     lcg_state = 0u;
     sample_next = 0u;
     sample_end = 0u;
+    uint first_sample = 0u;
+    uint asked = 0u;
     if (works) {
         Listed entry = listed[place];
         pixel = entry.pixel;
         uint skipped = gl_WorkGroupID.z * range.block;
         sample_next = range.sample_begin + entry.skip + skipped;
         sample_end = min(sample_next + range.block, range.sample_end);
+        first_sample = sample_next;
+        asked = max(sample_end, sample_next) - sample_next;
         if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
         surface = surface_at(camera_ray(pixel_position(pixel)), hit);
     }
     run_any();
+    Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
     if (works) {
+#ifdef ADDS_ATOMICALLY
+        uint even = (finished_samples + 1u - (first_sample & 1u)) / 2u;
+        uint i = pixel - range.pixel_base;
+        if (escaped.x > 0u) atomicAdd(counts[i].escaped0, escaped.x);
+        if (escaped.y > 0u) atomicAdd(counts[i].escaped1, escaped.y);
+        if (even > 0u) atomicAdd(counts[i].traced0, even);
+        if (finished_samples > even) atomicAdd(counts[i].traced1, finished_samples - even);
+        mine.ambient_asked = asked;
+        mine.ambient_finished = finished_samples;
+#else
         partials[gl_WorkGroupID.z * range.stride + place] =
             Partial(escaped.x, escaped.y, finished_samples, sum);
+#endif
     }
-    Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
     mine.overflowed = overflowed;
     report(mine);
 }

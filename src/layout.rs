@@ -283,7 +283,8 @@ records! {
         ambient_asked: uint,
         ambient_finished: uint,
         overflowed: uint,
-        pad0: uint,
+        /// Escaped rays, where an experiment adds each of them here.
+        escaped: uint,
         pad1: uint,
         pad2: uint,
     }

@@ -2,6 +2,7 @@
 
 mod args;
 mod bench;
+mod claims;
 mod compare;
 mod devices;
 mod doctor;
@@ -34,6 +35,8 @@ enum Command {
     Compare(Box<compare::Arguments>),
     /// Measure every method on scenes, frame by frame in turn: GPU times, the report's Table 1.
     Bench(Box<bench::Arguments>),
+    /// Test each statement of the report that cousu grew from on this device: holds or does not hold.
+    Claims(Box<claims::Arguments>),
     /// List the Vulkan devices, best first.
     Devices,
     /// Tell what is there, what is missing and how to get it.
@@ -62,6 +65,7 @@ fn dispatch() -> Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Claims(arguments) => claims::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),
         Command::Inspect(arguments) => inspect::run(&arguments),

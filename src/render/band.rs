@@ -91,7 +91,7 @@ impl<'a> Band<'a> {
         let mut missing = self.pass(&samples, tally, true)?;
         let in_parts = self.scheduler(&samples, true).in_parts();
         while missing > 0 {
-            if !counts_rays(self.stage.plan) {
+            if !self.stage.plan.resumes() {
                 return Err(self.unfinished(missing, "a running mean cannot be taken up again"));
             }
             if in_parts {
@@ -231,6 +231,9 @@ impl<'a> Band<'a> {
         ranges: Vec<Range>,
     ) -> Result<Flight<'b>> {
         let mut batch = Batch::new(self.stage.device, (ranges.len() * MOST_DISPATCHES) as u32)?;
+        if self.stage.plan.tuning.waits_between {
+            batch.wait_after_each();
+        }
         batch.fill(&slot.counters, 0);
         batch.barrier(&[Hazard::Buffer(&slot.counters, Access::TransferWrite, Access::ShaderWrite)]);
         let mut camera_rays = Some(0);

@@ -73,7 +73,7 @@ impl Buffers {
             partials: buffer("partial sums", storage, split, room, size_of::<Partial>())?,
             rays: buffer("rays", storage, staged, room, size_of::<RayRecord>())?,
             answers: buffer("answers", storage, staged, room, size_of::<HitRecord>())?,
-            block: least_block(plan, device.adapter().kind),
+            block: plan.tuning.block.unwrap_or_else(|| least_block(plan, device.adapter().kind)),
         })
     }
 
@@ -165,7 +165,10 @@ impl<'a> Recorder<'a> {
     ) -> Result<Option<u64>> {
         match (self.plan.settings.passes, kernels) {
             (Passes::Split, [primary, list, ambient, resolve]) => {
-                self.record_split(batch, [primary, list, ambient, resolve], range)
+                self.record_split(batch, [primary, list, ambient], Some(resolve), range)
+            }
+            (Passes::Split, [primary, list, ambient]) => {
+                self.record_split(batch, [primary, list, ambient], None, range)
             }
             (Passes::Staged, [camera, closest, list, rays, any, resolve]) => {
                 self.record_staged(batch, [camera, closest, list, rays, any, resolve], range)
@@ -194,7 +197,8 @@ impl<'a> Recorder<'a> {
     fn record_split(
         &mut self,
         batch: &mut Batch<'a>,
-        [primary, list, ambient, resolve]: [&'a BoundKernel<'a>; 4],
+        [primary, list, ambient]: [&'a BoundKernel<'a>; 3],
+        resolve: Option<&'a BoundKernel<'a>>,
         range: &Range,
     ) -> Result<Option<u64>> {
         let Buffers { hits, partials, .. } = self.buffers;
@@ -215,8 +219,10 @@ impl<'a> Recorder<'a> {
         }
         self.list_pixels(batch, list, &range);
         self.dispatch_list(batch, ambient, &range, 0)?;
-        batch.barrier(&[written(partials)]);
-        self.dispatch_list(batch, resolve, &range, PIXEL_SIZES)?;
+        if let Some(resolve) = resolve {
+            batch.barrier(&[written(partials)]);
+            self.dispatch_list(batch, resolve, &range, PIXEL_SIZES)?;
+        }
         Ok(self.camera_rays(&range, fresh))
     }
 

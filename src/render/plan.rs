@@ -28,6 +28,17 @@ pub struct Job {
     pub block: Option<u32>,
 }
 
+/// What an experiment changes in how a plan is carried out. Renders leave it alone.
+#[derive(Clone, Debug, Default)]
+pub struct Tuning {
+    /// Samples of an invocation of `split`, at least; otherwise the kind of device decides.
+    pub block: Option<u32>,
+    /// The host waits for each dispatch before it hands over the next.
+    pub waits_between: bool,
+    /// Bytes in the place of the triangle array, at least as many.
+    pub triangles: Option<Vec<u8>>,
+}
+
 /// Plain data that an executor turns into pixels.
 #[derive(Clone)]
 pub struct Plan<'a> {
@@ -41,6 +52,7 @@ pub struct Plan<'a> {
     pub constants: Vec<(u32, u32)>,
     pub texels: bool,
     pub geometry: &'a Geometry,
+    pub tuning: Tuning,
 }
 
 /// Arrays shorter than this are put into registers by NVIDIA's compiler: stack16 took 2.3 times as long as
@@ -94,9 +106,39 @@ impl<'a> Plan<'a> {
             settings,
             tiles,
             geometry,
+            tuning: Tuning::default(),
         };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
+    }
+
+    /// With another value of a specialization constant.
+    pub fn with_constant(mut self, id: u32, value: u32) -> Self {
+        self.constants.retain(|(known, _)| *known != id);
+        self.constants.push((id, value));
+        self
+    }
+
+    /// `split` whose ambient kernel is that of this name and adds to the pixels' counts by itself, so that nothing is
+    /// left to resolve. Only for `count`.
+    pub fn with_adding_kernel(mut self, name: &str) -> Result<Self> {
+        let kernel = find_kernel(name)?;
+        match (self.settings.passes, self.settings.accumulator, &self.kernels[..]) {
+            (Passes::Split, Accumulator::Count, &[primary, list, ..]) => {
+                self.kernels = vec![primary, list, kernel];
+                Ok(self)
+            }
+            _ => {
+                Err(Error::other(format!("{name} works with --passes split and --accumulator count alone.")))
+            }
+        }
+    }
+
+    /// Whether pixels whose rays did not all come to their end can be taken up again: their counts must tell which
+    /// sample comes next.
+    pub fn resumes(&self) -> bool {
+        let adds_anywhere = self.settings.passes == Passes::Split && self.kernels.len() == 3;
+        self.settings.accumulator == Accumulator::Count && !adds_anywhere
     }
 
     pub fn brute(&self) -> bool {
@@ -110,12 +152,18 @@ impl<'a> Plan<'a> {
 
     /// The triangles as the kernel reads them.
     pub fn triangle_bytes(&self) -> &[u8] {
-        bytemuck::cast_slice(&self.geometry.triangles)
+        let own = bytemuck::cast_slice(&self.geometry.triangles);
+        self.tuning.triangles.as_deref().filter(|other| other.len() >= own.len()).unwrap_or(own)
     }
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
         pack::node_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide(), self.node_pad())
+    }
+
+    /// Bytes of the tree's nodes.
+    pub fn node_array_bytes(&self) -> u64 {
+        pack::node_array_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide())
     }
 
     /// How the kernels that traverse want the tree.
@@ -147,8 +195,7 @@ impl<'a> Plan<'a> {
     }
 
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
-        let node_bytes =
-            pack::node_array_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide());
+        let node_bytes = self.node_array_bytes();
         let triangle_bytes = self.triangle_bytes().len() as u64;
         let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
         let largest = node_bytes.max(triangle_bytes);

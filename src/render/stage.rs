@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use super::auto;
 use super::choices::Passes;
-use super::execute::image_format;
+use super::execute::{image_format, pixels_of};
 use super::geometry::Geometry;
 use super::plan::Plan;
 use super::schedule::Pace;
@@ -132,6 +132,28 @@ impl<'a> Stage<'a> {
             pace: pace(device, plan),
         })
     }
+
+    /// Running means of each pixel and its share of hits (in the fourth channel), row by row; none where rays are
+    /// counted.
+    pub fn means(&self) -> Result<Option<Vec<[f32; 4]>>> {
+        let Some((image, format)) = self.image.as_ref().zip(image_format(self.plan)) else { return Ok(None) };
+        Ok(Some(pixels_of(format, &image.read(self.device, format.bytes_per_pixel())?)))
+    }
+
+    /// Goes on with the running means of another stage, whose picture must have the same size and format.
+    pub fn take_means_of(&mut self, other: Stage<'_>) {
+        self.image = other.image;
+    }
+}
+
+/// What the device's compiler tells of each of the plan's kernels; none where the device doesn't tell.
+pub fn statistics(device: &Device, plan: &Plan<'_>) -> Result<Vec<PipelineStatistics>> {
+    let mut found = Vec::new();
+    for &kernel in &plan.kernels {
+        let push_bytes = size_of::<Range>() as u32;
+        found.extend(Pipeline::with_statistics(device, kernel, &plan.constants, push_bytes)?.statistics()?);
+    }
+    Ok(found)
 }
 
 fn new_image(device: &Device, plan: &Plan<'_>) -> Result<Option<Image>> {

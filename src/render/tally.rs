@@ -36,6 +36,8 @@ pub struct Totals {
     pub ambient_asked: u64,
     pub ambient_finished: u64,
     pub overflowed: u64,
+    /// Rays that escaped, where they are added up in one place (an experiment).
+    pub escaped: u64,
 }
 
 impl Totals {
@@ -47,15 +49,17 @@ impl Totals {
             ambient_asked: sum(|slot| slot.ambient_asked),
             ambient_finished: sum(|slot| slot.ambient_finished),
             overflowed: sum(|slot| slot.overflowed),
+            escaped: sum(|slot| slot.escaped),
         }
     }
 
-    pub(super) fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self) {
         self.primary_asked += other.primary_asked;
         self.primary_finished += other.primary_finished;
         self.ambient_asked += other.ambient_asked;
         self.ambient_finished += other.ambient_finished;
         self.overflowed += other.overflowed;
+        self.escaped += other.escaped;
     }
 
     /// Rays that were begun and not brought to their end.

@@ -24,6 +24,9 @@ pub struct Batch<'a> {
     capacity: u32,
     labels: Vec<String>,
     submitted: bool,
+    waits_after_each: bool,
+    /// Why a dispatch that was waited for failed; the batch tells it when it is submitted.
+    failure: Option<vk::Result>,
     host: HostTimes,
     pub(super) device: Arc<Shared>,
     used: std::marker::PhantomData<&'a ()>,
@@ -42,6 +45,8 @@ impl<'a> Batch<'a> {
             capacity: if shared.adapter.timestamps.is_some() { dispatches.max(1) } else { 0 },
             labels: Vec::new(),
             submitted: false,
+            waits_after_each: false,
+            failure: None,
             host: HostTimes { record: now, submit: now, submitted: now, wait: now, waited: now, read: now },
             device: shared.clone(),
             used: std::marker::PhantomData,
@@ -84,6 +89,37 @@ impl<'a> Batch<'a> {
         self.timed(kernel, push, label, |batch| unsafe {
             batch.device.raw.cmd_dispatch(batch.commands, x, y, z);
         });
+    }
+
+    /// Has the host wait for each dispatch that follows before it goes on recording.
+    pub fn wait_after_each(&mut self) {
+        self.waits_after_each = true;
+    }
+
+    /// Hands over what is recorded, waits until the device is done with it, and goes on recording.
+    fn wait_here(&mut self) -> std::result::Result<(), vk::Result> {
+        let raw = &self.device.raw;
+        let commands = [self.commands];
+        let work = vk::SubmitInfo::default().command_buffers(&commands);
+        // SAFETY: the command buffer is recording and is done before it is replaced by another one of its pool; the
+        // fence is waited for before it is reset; the queue is ours while we hold its lock.
+        unsafe {
+            raw.end_command_buffer(self.commands)?;
+            {
+                let queue = self.device.queue.lock().unwrap_or_else(PoisonError::into_inner);
+                raw.queue_submit(*queue, &[work], self.fence)?;
+            }
+            self.submitted = true;
+            raw.wait_for_fences(&[self.fence], true, u64::MAX)?;
+            self.submitted = false;
+            raw.reset_fences(&[self.fence])?;
+            let info =
+                vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+            self.commands = raw.allocate_command_buffers(&info)?[0];
+            let once =
+                vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            raw.begin_command_buffer(self.commands, &once)
+        }
     }
 
     /// How many dispatches are recorded.
@@ -147,6 +183,9 @@ impl<'a> Batch<'a> {
             }
         }
         self.labels.push(label.to_string());
+        if self.waits_after_each && self.failure.is_none() {
+            self.failure = self.wait_here().err();
+        }
     }
 
     /// Clears a raster's target and shades every pixel of it, between two timestamps.
@@ -197,6 +236,9 @@ impl<'a> Batch<'a> {
 
     /// Hands the work to the device and returns at once.
     pub fn submit(&mut self) -> Result<()> {
+        if let Some(result) = self.failure {
+            return Err(failed("Waiting for the device", result));
+        }
         let raw = &self.device.raw;
         let commands = [self.commands];
         let work = vk::SubmitInfo::default().command_buffers(&commands);

@@ -107,7 +107,7 @@ pub fn row_bytes(plan: &Plan<'_>) -> u64 {
         Passes::Split => 32 * pixels + 16 * room,
         Passes::Staged => 32 * pixels + 48 * room,
     };
-    let nodes = crate::pack::node_array_bytes(plan.node_layout(), &plan.geometry.tree);
+    let nodes = plan.node_array_bytes();
     pixels * per_pixel + passes + nodes + plan.triangle_bytes().len() as u64
 }
 

@@ -1,0 +1,129 @@
+//! Scenes and plans of the experiments.
+
+use super::Lab;
+use crate::bvh::Builder;
+use crate::error::{Error, Result};
+use crate::layout::FRAME_SAMPLES;
+use crate::render::auto;
+use crate::render::choices::{Method, Preset, Wishes};
+use crate::render::geometry::Geometry;
+use crate::render::plan::{Job, Plan};
+use crate::scene::camera::Camera;
+use crate::scene::obj::Report;
+use crate::scene::procedural::{self, Request};
+use crate::scene::{Mesh, Scene};
+
+/// A procedural scene of its own size.
+pub fn procedural(name: &str, seed: u32) -> Result<Scene> {
+    let kind = procedural::find(name)
+        .ok_or_else(|| Error::other(format!("There is no scene {name}: report this as a bug.")))?;
+    Ok(scene_of(name, (kind.generate)(&Request { triangles: None, seed })?))
+}
+
+fn scene_of(name: &str, mesh: Mesh) -> Scene {
+    let (bounds, hash) = (mesh.bounds(), mesh.hash());
+    Scene { path: name.into(), mesh, bounds, hash, report: Report::default(), load_ms: 0.0 }
+}
+
+/// The scene with another number of triangles: the largest of them, or the largest halved at their longest edge until
+/// there are enough. Its picture changes only where triangles are left out.
+pub fn with_triangles(scene: &Scene, count: usize) -> Scene {
+    let mut mesh = scene.mesh.clone();
+    let area = |mesh: &Mesh, triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
+        (b - a).cross(c - a).length()
+    };
+    let order = |mesh: &mut Mesh| {
+        let mut triangles = std::mem::take(&mut mesh.triangles);
+        triangles.sort_by(|a, b| area(mesh, b).total_cmp(&area(mesh, a)));
+        mesh.triangles = triangles;
+    };
+    order(&mut mesh);
+    mesh.triangles.truncate(count);
+    while mesh.triangles.len() < count && !mesh.triangles.is_empty() {
+        let missing = (count - mesh.triangles.len()).min(mesh.triangles.len());
+        for place in 0..missing {
+            let triangle = mesh.triangles[place];
+            let edge = |k: usize| {
+                let ends = [triangle[k], triangle[(k + 1) % 3]].map(|corner| mesh.positions[corner as usize]);
+                (ends[1] - ends[0]).length()
+            };
+            let longest = (0..3).max_by(|&a, &b| edge(a).total_cmp(&edge(b))).unwrap_or(0);
+            let [a, b, c] = [0, 1, 2].map(|k| triangle[(longest + k) % 3]);
+            let middle = (mesh.positions[a as usize] + mesh.positions[b as usize]) * 0.5;
+            mesh.positions.push(middle);
+            let m = (mesh.positions.len() - 1) as u32;
+            mesh.triangles[place] = [a, m, c];
+            mesh.triangles.push([m, b, c]);
+        }
+        order(&mut mesh);
+    }
+    scene_of(&scene.path, mesh)
+}
+
+impl Lab<'_> {
+    /// The scene in the way of this preset, with this tree.
+    pub(super) fn geometry(&self, scene: &Scene, preset: Preset, builder: Builder) -> Result<Geometry> {
+        Geometry::build(scene, preset != Preset::Original, builder, &|_| {})
+    }
+
+    /// A frame of four rays from the scene's usual view.
+    pub(super) fn job(&self, scene: &Scene, size: (u32, u32)) -> Job {
+        Job {
+            camera: Camera::default_for(&scene.path),
+            size,
+            samples: 0..FRAME_SAMPLES,
+            seed: self.seed,
+            max_distance: None,
+            block: None,
+        }
+    }
+
+    pub(super) fn plan_job<'g>(
+        &self,
+        job: Job,
+        scene: &Scene,
+        geometry: &'g Geometry,
+        wishes: &Wishes,
+    ) -> Result<Plan<'g>> {
+        let decision = auto::decide(wishes, geometry, self.device.adapter());
+        Plan::new(job, scene, geometry, &decision, &self.device.adapter().limits)
+    }
+
+    /// A frame of four rays with these choices.
+    pub(super) fn plan<'g>(
+        &self,
+        scene: &Scene,
+        geometry: &'g Geometry,
+        wishes: &Wishes,
+    ) -> Result<Plan<'g>> {
+        self.plan_job(self.job(scene, self.size), scene, geometry, wishes)
+    }
+}
+
+/// The preset with this method.
+pub fn method(preset: Preset, method: Method) -> Wishes {
+    Wishes { preset: Some(preset), method: Some(method), ..Wishes::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_are_left_out_or_halved() {
+        let cornell = procedural("cornell", 0).unwrap();
+        let area = |scene: &Scene| -> f64 {
+            let corner = |i: u32| scene.mesh.positions[i as usize];
+            let twice =
+                |t: &[u32; 3]| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length();
+            scene.mesh.triangles.iter().map(twice).sum::<f64>() * 0.5
+        };
+        for count in [8, 16, 32, 64, 100, 128] {
+            let scene = with_triangles(&cornell, count);
+            assert_eq!(scene.mesh.triangles.len(), count);
+            let (part, whole) = (area(&scene), area(&cornell));
+            assert!(if count < 32 { part < whole } else { (part - whole).abs() < 1e-9 * whole });
+        }
+    }
+}
