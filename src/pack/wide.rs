@@ -188,7 +188,7 @@ pub fn validate_wide(nodes: &[WideNode], tree: &Tree, pad: f32) -> Result<(), St
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
     let mut below = vec![[Aabb::EMPTY; WIDTH]; nodes.len()];
     for (place, node) in nodes.iter().enumerate() {
-        for slot in 0..WIDTH {
+        for (slot, inside) in below[place].iter_mut().enumerate() {
             match wide_child(node, slot) {
                 None => {}
                 Some(child) if child >= 0 => {
@@ -213,7 +213,7 @@ pub fn validate_wide(nodes: &[WideNode], tree: &Tree, pad: f32) -> Result<(), St
                             Some(seen) if *seen => return Err(format!("triangle {at} is held twice")),
                             Some(seen) => *seen = true,
                         }
-                        below[place][slot] = below[place][slot].union(&held[at]);
+                        *inside = inside.union(&held[at]);
                     }
                 }
             }
