@@ -121,6 +121,33 @@ records! {
         right_max: vec3,
         pad1: uint,
     }
+    /// Eight children with boxes of 8 bits a side. Along axis k of scale s = 2^(byte k of `scales` - 127) a side of
+    /// slot i is origin + s q, where q is byte i mod 4 of the word of slots 0 to 3, or of 4 to 7. Byte 3 of `scales`
+    /// has bit i set where slot i is filled, with a reference as in [`PairNode`].
+    WideNode {
+        origin: vec3,
+        scales: uint,
+        min_x0: uint,
+        min_x4: uint,
+        min_y0: uint,
+        min_y4: uint,
+        min_z0: uint,
+        min_z4: uint,
+        max_x0: uint,
+        max_x4: uint,
+        max_y0: uint,
+        max_y4: uint,
+        max_z0: uint,
+        max_z4: uint,
+        child0: int,
+        child1: int,
+        child2: int,
+        child3: int,
+        child4: int,
+        child5: int,
+        child6: int,
+        child7: int,
+    }
     /// What stays the same for all dispatches of a render.
     Frame {
         /// Camera ray of raster position (x, y): origin + x origin_dx + y origin_dy, and likewise its
@@ -315,6 +342,10 @@ constants! {
     /// Its logarithm.
     LEAF_BITS = 3;
 
+    /// 16-byte words of a wide node, and the first one that holds references.
+    WIDE_WORDS = 6;
+    WIDE_CHILD_WORD = 4;
+
     /// Triangles that fit the uniform buffer of the original's first form.
     UNIFORM_TRIANGLES = 1024;
 
@@ -328,3 +359,8 @@ constants! {
     /// No answer: the ray did not come to its end.
     UNFINISHED = 0xffff_fffe;
 }
+
+const _: () = {
+    assert!(size_of::<WideNode>() == 16 * WIDE_WORDS as usize);
+    assert!(std::mem::offset_of!(WideNode, child0) == 16 * WIDE_CHILD_WORD as usize);
+};

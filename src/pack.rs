@@ -1,11 +1,16 @@
 //! Scene and tree as the arrays of `layout.rs`.
 
+mod wide;
+
 use glam::Vec3;
 
+pub use wide::{validate_wide, wide_child, wide_nodes, wide_scale, wide_sides};
+
 use crate::bvh::thread;
+use crate::bvh::wide::WideTree;
 use crate::bvh::{Aabb, Content, Tree};
 use crate::kernels::NodeLayout;
-use crate::layout::{LEAF_LIMIT, Node, PairNode, ThreadedNode, ThreadedNode48, Triangle};
+use crate::layout::{LEAF_LIMIT, Node, PairNode, ThreadedNode, ThreadedNode48, Triangle, WideNode};
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
 /// box is flat and a ray that lies in a box's face is inside it.
@@ -26,27 +31,40 @@ pub struct NodeArrays {
     pub single: Vec<Node>,
     pub threaded: Vec<ThreadedNode>,
     pub pair: Vec<PairNode>,
+    pub wide: Vec<WideNode>,
 }
 
 impl NodeArrays {
     pub fn new(tree: &Tree, pad: f32) -> Self {
-        Self { single: nodes(tree, pad), threaded: threaded_nodes(tree, pad), pair: pair_nodes(tree, pad) }
+        Self {
+            single: nodes(tree, pad),
+            threaded: threaded_nodes(tree, pad),
+            pair: pair_nodes(tree, pad),
+            wide: wide_nodes(&WideTree::new(tree), tree, pad),
+        }
     }
 }
 
-/// The array of nodes of a layout, bytes; a word where the kernel reads none.
-pub fn node_bytes(layout: NodeLayout, tree: &Tree, pad: f32) -> Vec<u8> {
+/// The array of nodes of a layout, bytes; a word where the kernel reads none. `wide`: the tree collapsed, asked for
+/// where the layout needs it.
+pub fn node_bytes<'a>(
+    layout: NodeLayout,
+    tree: &Tree,
+    wide: impl FnOnce() -> &'a WideTree,
+    pad: f32,
+) -> Vec<u8> {
     match layout {
-        NodeLayout::None | NodeLayout::Wide => vec![0; 16],
+        NodeLayout::None => vec![0; 16],
         NodeLayout::Single => bytemuck::cast_slice(&nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
         NodeLayout::Pair => bytemuck::cast_slice(&pair_nodes(tree, pad)).to_vec(),
+        NodeLayout::Wide => bytemuck::cast_slice(&wide_nodes(wide(), tree, pad)).to_vec(),
     }
 }
 
 /// Bytes of the array of nodes of a layout, at most, without making it.
-pub fn node_array_bytes(layout: NodeLayout, tree: &Tree) -> u64 {
+pub fn node_array_bytes<'a>(layout: NodeLayout, tree: &Tree, wide: impl FnOnce() -> &'a WideTree) -> u64 {
     let nodes = tree.nodes.len() as u64;
     match layout {
         NodeLayout::None => 16,
@@ -54,7 +72,7 @@ pub fn node_array_bytes(layout: NodeLayout, tree: &Tree) -> u64 {
         NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,
         NodeLayout::Pair => (nodes / 2).max(1) * size_of::<PairNode>() as u64,
-        NodeLayout::Wide => 16,
+        NodeLayout::Wide => (wide().nodes.len() * size_of::<WideNode>()) as u64,
     }
 }
 

@@ -53,7 +53,15 @@ fn a_driver_that_leaves_loops_early_loses_no_ray() {
     with_device(|device| {
         let scene = scene_named("maison", None);
         let geometry = geometry(&scene, Preset::Auto);
-        for method in [Method::Brute, Method::Stack(geometry.stack_bound), Method::Threaded] {
+        for method in [
+            Method::Brute,
+            Method::Stack(geometry.stack_bound),
+            Method::Threaded,
+            Method::SinglePush,
+            Method::Ordered,
+            Method::Packet,
+            Method::Postponed,
+        ] {
             let wishes = Wishes { method: Some(method), ..Wishes::default() };
             let samples = if method == Method::Brute { 64 } else { 2048 };
             let render = |block| {

@@ -5,7 +5,7 @@ mod common;
 use common::{every_traversal, geometry, job, plan, plan_decided, run, scene_named, with_device};
 use cousu::layout::Work;
 use cousu::render::auto::{Accessor, Decision};
-use cousu::render::choices::{Accumulator, Method, Preset, Wishes};
+use cousu::render::choices::{Accumulator, Method, Passes, Preset, Wishes};
 use cousu::render::work::{RayWork, WorkCount, count_work};
 
 /// The counts of every method that reads by this accessor.
@@ -90,22 +90,22 @@ fn work_is_what_the_methods_must_and_need_not_do() {
     });
 }
 
-/// The kernels that count render what the others do, and other ways of adding up are refused.
+/// The rays are the plan's, whatever its way of adding up and its passes.
 #[test]
-fn counting_changes_no_picture() {
+fn counting_follows_the_plan_s_rays() {
     with_device(|device| {
         let scene = scene_named("cornell", None);
         let geometry = geometry(&scene, Preset::Auto);
-        let with = |accumulator| {
-            let wishes = Wishes { accumulator: Some(accumulator), ..Wishes::default() };
+        let with = |accumulator, passes| {
+            let wishes = Wishes { accumulator: Some(accumulator), passes: Some(passes), ..Wishes::default() };
             plan(device, &scene, &geometry, job(&scene, (40, 25), 0..4), wishes)
         };
-        let counted = with(Accumulator::Count);
+        let counted = with(Accumulator::Count, Passes::Single);
         let outcome = run(device, &counted);
         let work = count_work(device, &counted).unwrap().unwrap();
         let tests: u64 = work.pixels.iter().map(|pixel| u64::from(pixel.any_tests)).sum();
         assert_eq!((tests as f64 / outcome.ambient_rays as f64).to_bits(), work.any.tests.to_bits());
-        let refusal = count_work(device, &with(Accumulator::Rgba32f)).unwrap_err();
-        assert_eq!(refusal.exit_code(), 2, "{refusal}");
+        let other = count_work(device, &with(Accumulator::Rgba32f, Passes::Staged)).unwrap().unwrap();
+        assert!(work == other, "another plan's rays");
     });
 }

@@ -32,5 +32,9 @@ STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_
 Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
 #elif defined(NODES_PAIR)
 PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
+#elif defined(NODES_WIDE)
+WideNode load_wide(int i) { LOAD_WideNode(NODE_WORD, uint(i)) }
+// The reference in one of its slots.
+int load_wide_child(int i, uint slot) { return int(NODE_WORD(uint(i) * WIDE_WORDS + WIDE_CHILD_WORD + slot / 4u)[slot % 4u]); }
 #endif
 Triangle load_triangle(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }

@@ -39,8 +39,9 @@ bool closest_hit(Ray ray, inout Hit hit) {
             reference = stack[top];
             more = max(stack_enter[top], 0.0) <= box_limit(hit.t);
         }
+        if (!more) reference = NOTHING;
     }
-    return finished && !more && top == 0;
+    return finished && reference == NOTHING && top == 0;
 }
 
 bool any_hit(Ray ray, inout bool occluded) {
@@ -62,9 +63,13 @@ bool any_hit(Ray ray, inout bool occluded) {
             finished = any_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), occluded) && finished;
         }
         more = descends || (!occluded && top > 0);
-        if (more && !descends) reference = stack[--top];
+        if (!more) {
+            reference = NOTHING;
+        } else if (!descends) {
+            reference = stack[--top];
+        }
     }
-    return occluded || (finished && !more);
+    return occluded || (finished && reference == NOTHING);
 }
 
 #include "one_ray.glsl"

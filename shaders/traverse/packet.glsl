@@ -81,8 +81,9 @@ bool closest_hit_together(Ray ray, bool waits, inout Hit hit) {
             more = top > 0;
             if (more) wanted = pop(reference);
         }
+        if (!more) reference = NOTHING;
     }
-    return finished && !more;
+    return finished && reference == NOTHING;
 }
 
 void run_closest() {
@@ -137,8 +138,9 @@ bool any_hit_together(Ray ray, bool waits, inout bool occluded) {
                 more = subgroupAny(wanted);
             }
         }
+        if (!more && top == 0) reference = NOTHING;
     }
-    return occluded || (finished && !more && top == 0);
+    return occluded || (finished && reference == NOTHING);
 }
 
 void run_any() {

@@ -5,6 +5,9 @@
 CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
 
 #define ROOT 0
+// No reference: packed leaves do not reach so far down. A walk that came to its end is at it: the loop's own condition
+// proves nothing, since a compiler knows that it fails after the loop, even where the driver left the loop early.
+#define NOTHING (-0x7fffffff - 1)
 
 // Where the ray enters and leaves the two boxes: left in xy, right in zw.
 vec4 pair_intervals(Slabs slabs, PairNode node) {

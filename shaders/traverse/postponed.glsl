@@ -6,9 +6,6 @@
 
 #include "pair.glsl"
 
-// No reference: packed leaves do not reach so far down.
-#define NOTHING (-0x7fffffff - 1)
-
 int stack[STACK_ROOM];
 int top;
 // Where the ray is: a node, or a leaf if another one waits already.

@@ -22,15 +22,16 @@ bool closest_hit(Ray ray, inout Hit hit) {
         } else {
             descends = meets_box(slabs, node.pmin, node.pmax, box_limit(hit.t));
         }
-        more = descends || top > 0;
+        index = -1;
         if (descends) {
             stack[top++] = node.left;
             index = node.right;
-        } else if (more) {
+        } else if (top > 0) {
             index = stack[--top];
         }
+        more = index >= 0;
     }
-    return finished && !more;
+    return finished && index < 0;
 }
 
 bool any_hit(Ray ray, inout bool occluded) {
@@ -48,15 +49,16 @@ bool any_hit(Ray ray, inout bool occluded) {
         } else {
             descends = meets_box(slabs, node.pmin, node.pmax, box_limit(ray.t_max));
         }
-        more = descends || (!occluded && top > 0);
+        index = -1;
         if (descends) {
             stack[top++] = node.left;
             index = node.right;
-        } else if (more) {
+        } else if (!occluded && top > 0) {
             index = stack[--top];
         }
+        more = index >= 0;
     }
-    return occluded || (finished && !more);
+    return occluded || (finished && index < 0);
 }
 
 #include "one_ray.glsl"

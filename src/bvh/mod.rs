@@ -15,6 +15,7 @@ pub mod stack;
 mod tests;
 pub mod thread;
 pub mod validate;
+pub mod wide;
 
 use glam::Vec3;
 

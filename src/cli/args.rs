@@ -132,7 +132,8 @@ fn vector(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text).ok_or_else(|| "give three numbers, such as 0,1.5,-3".to_string())
 }
 
-fn angles(text: &str) -> std::result::Result<[f64; 2], String> {
+/// `RX,RY` in degrees.
+pub fn angles(text: &str) -> std::result::Result<[f64; 2], String> {
     numbers(text).ok_or_else(|| "give two angles in degrees, such as 20,140".to_string())
 }
 

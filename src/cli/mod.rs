@@ -1,6 +1,7 @@
 //! The command line: one thin file a command.
 
 mod args;
+mod bench;
 mod claims;
 mod compare;
 mod devices;
@@ -32,6 +33,8 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Run the same frames on OpenGL and on Vulkan, side by side: images and times.
     Compare(Box<compare::Arguments>),
+    /// Measure every method on scenes, frame by frame in turn: GPU times, the report's Table 1.
+    Bench(Box<bench::Arguments>),
     /// Test each statement of the report that cousu grew from on this device: holds or does not hold.
     Claims(Box<claims::Arguments>),
     /// List the Vulkan devices, best first.
@@ -61,6 +64,7 @@ fn dispatch() -> Result<()> {
     match Cli::parse().command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Claims(arguments) => claims::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),

@@ -52,6 +52,49 @@ impl Meter {
     }
 }
 
+/// How far a benchmark is with the rows of a view.
+pub struct RowMeter {
+    scene: String,
+    bar: Option<ProgressBar>,
+    last_line: Instant,
+}
+
+impl RowMeter {
+    pub fn new() -> Self {
+        Self { scene: String::new(), bar: None, last_line: Instant::now() }
+    }
+
+    pub fn scene(&mut self, name: &str) {
+        self.scene = name.to_string();
+    }
+
+    /// `done` rows of `all` are through; `what` is at hand.
+    pub fn observe(&mut self, what: &str, done: usize, all: usize) {
+        if std::io::stderr().is_terminal() {
+            let bar = self.bar.get_or_insert_with(|| {
+                let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
+                if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}") {
+                    bar.set_style(style);
+                }
+                bar
+            });
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            bar.set_message(format!("{}: {what}", self.scene));
+        } else if self.last_line.elapsed() >= LINE_EVERY {
+            self.last_line = Instant::now();
+            super::tell(&format!("{}: {done} of {all} rows done ({what})", self.scene));
+        }
+    }
+
+    /// Takes the bar away, so that text can be printed.
+    pub fn clear(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 fn new_bar() -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3}% {msg}, {eta} left") {

@@ -24,7 +24,9 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::layout::{Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, ThreadedNode, Triangle};
+use crate::layout::{
+    Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, ThreadedNode, Triangle, WideNode,
+};
 use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};
 use surface::{ambient_ray, original_weight, pcg_numbers, sample_numbers, surface_at, surface_nowhere};
@@ -82,6 +84,10 @@ impl Inputs<'_> {
 
     pub fn load_pair(&self, index: i32) -> &PairNode {
         &self.tree.pair[index as usize]
+    }
+
+    pub fn load_wide(&self, index: i32) -> &WideNode {
+        &self.tree.wide[index as usize]
     }
 }
 

@@ -1,7 +1,9 @@
 //! A scene as the device gets it: placed, its tree built, packed.
 
+use std::sync::OnceLock;
 use std::time::Instant;
 
+use crate::bvh::wide::WideTree;
 use crate::bvh::{self, Builder, Tree};
 use crate::error::{Error, Result};
 use crate::layout::Triangle;
@@ -18,6 +20,7 @@ pub struct Geometry {
     /// In the order of the tree's leaves.
     pub triangles: Vec<Triangle>,
     pub tree: Tree,
+    wide: OnceLock<WideTree>,
     /// By how much robust slabs grow boxes, device units.
     pub box_pad: f32,
     /// Entries that `stackN` can need.
@@ -68,6 +71,7 @@ impl Geometry {
             stack_bound: bvh::stack::stack_bound(&tree),
             triangles,
             tree,
+            wide: OnceLock::new(),
             build_ms,
             without_area,
         })
@@ -75,6 +79,16 @@ impl Geometry {
 }
 
 impl Geometry {
+    /// The tree collapsed to eight children a node, made when first asked for.
+    pub fn wide(&self) -> &WideTree {
+        self.wide.get_or_init(|| WideTree::new(&self.tree))
+    }
+
+    /// Most triangles in a leaf that this method meets.
+    pub fn largest_leaf_of(&self, method: Method) -> u32 {
+        if method == Method::Wide { self.wide().largest_leaf() } else { self.tree.largest_leaf() }
+    }
+
     /// Entries that a ray's stack can need with this method; 0 without a stack.
     pub fn stack_bound_of(&self, method: Method) -> u32 {
         match method {
@@ -82,7 +96,8 @@ impl Geometry {
             Method::Stack(_) => self.stack_bound,
             Method::SinglePush => bvh::stack::single_push_bound(&self.tree),
             // Of two children one is visited at once, whichever it is, and the other waits.
-            Method::Ordered | Method::Packet | Method::Postponed | Method::Wide => self.tree.depth(),
+            Method::Ordered | Method::Packet | Method::Postponed => self.tree.depth(),
+            Method::Wide => self.wide().stack_bound(),
         }
     }
 }

@@ -12,6 +12,7 @@ pub mod picture;
 pub mod plan;
 pub mod raylist;
 pub mod repeat;
+pub mod retrace;
 pub mod schedule;
 pub mod seeds;
 pub mod spans;

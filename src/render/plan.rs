@@ -99,7 +99,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
-                (layout::SPEC_LEAF_SIZE, geometry.tree.largest_leaf()),
+                (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
             job,
@@ -158,7 +158,12 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
-        pack::node_bytes(self.node_layout(), &self.geometry.tree, self.node_pad())
+        pack::node_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide(), self.node_pad())
+    }
+
+    /// Bytes of the tree's nodes.
+    pub fn node_array_bytes(&self) -> u64 {
+        pack::node_array_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide())
     }
 
     /// How the kernels that traverse want the tree.
@@ -190,7 +195,7 @@ impl<'a> Plan<'a> {
     }
 
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
-        let node_bytes = pack::node_array_bytes(self.node_layout(), &self.geometry.tree);
+        let node_bytes = self.node_array_bytes();
         let triangle_bytes = self.triangle_bytes().len() as u64;
         let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
         let largest = node_bytes.max(triangle_bytes);

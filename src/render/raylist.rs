@@ -1,6 +1,7 @@
 //! Lists of rays on a Vulkan device: the rays that a plan would trace, and what they hit.
 
 use super::plan::{Plan, traversal_name};
+use super::stage::Uploaded;
 use super::tally::Totals;
 use crate::error::{Error, Result};
 use crate::kernels::find_kernel;
@@ -11,7 +12,7 @@ use crate::layout::{
 use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipeline};
 
 /// Rays of one dispatch at most.
-const MOST_RAYS: usize = 1 << 20;
+pub(super) const MOST_RAYS: usize = 1 << 20;
 
 /// What is asked of each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,21 +23,61 @@ pub enum Query {
     Any,
 }
 
+impl Query {
+    pub(super) fn stage(self) -> u32 {
+        if self == Self::Closest { STAGE_CLOSEST } else { STAGE_ANY }
+    }
+
+    pub fn name(self) -> &'static str {
+        if self == Self::Closest { "closest" } else { "any" }
+    }
+}
+
+/// The kernel that answers lists of rays with a plan's method.
+pub(super) fn trace_kernel(plan: &Plan<'_>) -> String {
+    format!("trace/{}/{}", traversal_name(&plan.settings), plan.accessor_name())
+}
+
+/// The range of a dispatch over a list of `count` rays.
+pub(super) fn range_of(plan: &Plan<'_>, count: u32, sample: u32, stage: u32) -> Range {
+    Range {
+        pixel_end: count,
+        sample_begin: sample,
+        sample_end: sample + 1,
+        triangle_end: plan.frame.triangle_count,
+        stage,
+        ..Range::default()
+    }
+}
+
+/// All rays must have come to their end.
+pub(super) fn check_finished(kernel: &str, asked: u64, finished: u64) -> Result<()> {
+    if finished == asked {
+        return Ok(());
+    }
+    Err(Error::device(format!(
+        "{} rays of {asked} did not come to their end with {kernel}: choose another --method or device.",
+        asked.saturating_sub(finished),
+    )))
+}
+
 /// A plan's scene on a device, ready for lists of rays.
 pub struct RayLists<'a> {
     device: &'a Device,
     plan: &'a Plan<'a>,
-    nodes: Buffer,
-    triangles: Buffer,
+    uploaded: Uploaded,
     frame: Buffer,
 }
 
 impl<'a> RayLists<'a> {
     pub fn new(device: &'a Device, plan: &'a Plan<'a>) -> Result<Self> {
-        let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
+        Self::with_uploaded(device, plan, Uploaded::new(device, plan)?)
+    }
+
+    /// With arrays that are there already; they must be the plan's.
+    pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
         Ok(Self {
-            nodes: Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?,
-            triangles: Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?,
+            uploaded,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
             device,
             plan,
@@ -45,24 +86,18 @@ impl<'a> RayLists<'a> {
 
     /// What each ray hits. Fails if a ray does not come to its end.
     pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
-        let kernel = format!("trace/{}/{}", traversal_name(&self.plan.settings), self.plan.accessor_name());
+        let kernel = trace_kernel(self.plan);
         let mut hits = Vec::with_capacity(rays.len());
         for piece in rays.chunks(MOST_RAYS) {
             let rays =
                 Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
             let bytes = size_of_val(piece) / size_of::<RayRecord>() * size_of::<HitRecord>();
             let found = Buffer::new(self.device, "hits", BufferUse::Storage, bytes as u64)?;
-            let stage = if query == Query::Closest { STAGE_CLOSEST } else { STAGE_ANY };
-            let range = self.range(piece.len() as u32, 0, stage);
+            let range = range_of(self.plan, piece.len() as u32, 0, query.stage());
             let totals = self.dispatch(&kernel, &rays, &found, range)?;
             let finished = totals.primary_finished + totals.ambient_finished;
             let asked = piece.iter().filter(|ray| ray.t_max >= 0.0).count() as u64;
-            if finished != asked {
-                return Err(Error::device(format!(
-                    "{} rays of {asked} did not come to their end with {kernel}: choose another --method or device.",
-                    asked - finished,
-                )));
-            }
+            check_finished(&kernel, asked, finished)?;
             hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
         }
         Ok(hits)
@@ -74,7 +109,7 @@ impl<'a> RayLists<'a> {
         let bytes = pixels * size_of::<RayRecord>() as u64;
         let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes)?;
         let unused = Buffer::new(self.device, "no hits", BufferUse::Storage, 16)?;
-        self.dispatch("rays/camera", &rays, &unused, self.range(pixels as u32, 0, STAGE_CLOSEST))?;
+        self.dispatch("rays/camera", &rays, &unused, range_of(self.plan, pixels as u32, 0, STAGE_CLOSEST))?;
         Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
     }
 
@@ -84,19 +119,13 @@ impl<'a> RayLists<'a> {
         let bytes = size_of_val(hits) / size_of::<HitRecord>() * size_of::<RayRecord>();
         let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes as u64)?;
         let hit = Buffer::with_content(self.device, "hits", BufferUse::Storage, bytemuck::cast_slice(hits))?;
-        self.dispatch("rays/ambient", &rays, &hit, self.range(hits.len() as u32, sample, STAGE_ANY))?;
+        self.dispatch(
+            "rays/ambient",
+            &rays,
+            &hit,
+            range_of(self.plan, hits.len() as u32, sample, STAGE_ANY),
+        )?;
         Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
-    }
-
-    fn range(&self, count: u32, sample: u32, stage: u32) -> Range {
-        Range {
-            pixel_end: count,
-            sample_begin: sample,
-            sample_end: sample + 1,
-            triangle_end: self.plan.frame.triangle_count,
-            stage,
-            ..Range::default()
-        }
     }
 
     fn dispatch(&self, kernel: &str, rays: &Buffer, hits: &Buffer, range: Range) -> Result<Totals> {
@@ -111,8 +140,8 @@ impl<'a> RayLists<'a> {
         };
         let bound = pipeline.bind(&[
             (BINDING_FRAME, Binding::Buffer(&self.frame)),
-            geometry(BINDING_NODES, &self.nodes),
-            geometry(BINDING_TRIANGLES, &self.triangles),
+            geometry(BINDING_NODES, &self.uploaded.nodes),
+            geometry(BINDING_TRIANGLES, &self.uploaded.triangles),
             (BINDING_COUNTERS, Binding::Buffer(&counters)),
             (BINDING_RAYS, Binding::Buffer(rays)),
             (BINDING_HITS, Binding::Buffer(hits)),

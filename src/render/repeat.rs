@@ -34,9 +34,21 @@ pub struct Repeated<'a> {
 
 impl<'a> Repeated<'a> {
     pub fn new(stage: &'a Stage<'a>) -> Result<Self> {
-        let band = |(begin, end)| Band::new(stage, begin, end);
-        let bands = bands(stage.plan, stage.device).into_iter().map(band).collect::<Result<_>>()?;
-        Ok(Self { stage, bands, frames: 0 })
+        Self::over(stage, &[(0, u32::MAX)])
+    }
+
+    /// Only the pixels of these spans: numbers from `begin` to `end`, multiples of the workgroup's size, in order.
+    pub fn over(stage: &'a Stage<'a>, spans: &[(u32, u32)]) -> Result<Self> {
+        let mut made = Vec::new();
+        for (first, last) in bands(stage.plan, stage.device) {
+            for &(begin, end) in spans {
+                let (begin, end) = (begin.max(first), end.min(last));
+                if begin < end {
+                    made.push(Band::new(stage, begin, end)?);
+                }
+            }
+        }
+        Ok(Self { stage, bands: made, frames: 0 })
     }
 
     /// Renders the next frame. Passes that keep the camera rays' hits trace them in the first frame only, and after
@@ -65,7 +77,7 @@ impl<'a> Repeated<'a> {
         self.bands.iter().for_each(Band::forget_hits);
     }
 
-    /// Counts of each pixel so far, by pixel number; none where means are kept.
+    /// Counts of each pixel so far, in the order of the pixels' numbers; none where means are kept.
     pub fn counts(&self) -> Result<Vec<Count>> {
         let samples = u64::from(self.frames) * self.stage.plan.job.samples.len() as u64;
         let mut all = Vec::new();

@@ -5,9 +5,11 @@ use std::rc::Rc;
 use super::auto;
 use super::choices::Passes;
 use super::execute::{image_format, pixels_of};
+use super::geometry::Geometry;
 use super::plan::Plan;
 use super::schedule::Pace;
 use crate::error::Result;
+use crate::kernels::NodeLayout;
 use crate::layout::Range;
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, Pipeline, PipelineStatistics};
 
@@ -20,12 +22,77 @@ pub struct Uploaded {
 
 impl Uploaded {
     pub fn new(device: &Device, plan: &Plan<'_>) -> Result<Self> {
-        let usage = if plan.texels { BufferUse::Texels } else { BufferUse::Storage };
-        Ok(Self {
-            nodes: Rc::new(Buffer::with_content(device, "nodes", usage, &plan.node_bytes())?),
-            triangles: Rc::new(Buffer::with_content(device, "triangles", usage, plan.triangle_bytes())?),
-        })
+        let triangles = Buffer::with_content(device, "triangles", usage_of(plan), plan.triangle_bytes())?;
+        Ok(Self { nodes: Self::upload_nodes(device, plan)?, triangles: Rc::new(triangles) })
     }
+
+    fn upload_nodes(device: &Device, plan: &Plan<'_>) -> Result<Rc<Buffer>> {
+        Ok(Rc::new(Buffer::with_content(device, "nodes", usage_of(plan), &plan.node_bytes())?))
+    }
+}
+
+fn usage_of(plan: &Plan<'_>) -> BufferUse {
+    if plan.texels { BufferUse::Texels } else { BufferUse::Storage }
+}
+
+/// Arrays that were uploaded, found again by plans that read the same ones: geometry, layout of nodes, growth of
+/// boxes and accessor are theirs.
+#[derive(Default)]
+pub struct Uploads {
+    known: Vec<(Key, Uploaded)>,
+}
+
+/// What the arrays follow from; of the growth of boxes, the bits.
+#[derive(Clone, Copy, PartialEq)]
+struct Key {
+    geometry: *const Geometry,
+    texels: bool,
+    layout: NodeLayout,
+    pad: u32,
+}
+
+impl Uploads {
+    /// The plan's arrays, uploaded now if they are not there.
+    pub fn of(&mut self, device: &Device, plan: &Plan<'_>) -> Result<Uploaded> {
+        let key = Key {
+            geometry: plan.geometry,
+            texels: plan.texels,
+            layout: plan.node_layout(),
+            pad: plan.node_pad().to_bits(),
+        };
+        if let Some((_, uploaded)) = self.known.iter().find(|(known, _)| *known == key) {
+            return Ok(uploaded.clone());
+        }
+        let same = |known: &Key| known.geometry == key.geometry && known.texels == key.texels;
+        let uploaded = match self.known.iter().find(|(known, _)| same(known)) {
+            Some((_, there)) => {
+                Uploaded { nodes: Uploaded::upload_nodes(device, plan)?, triangles: there.triangles.clone() }
+            }
+            None => Uploaded::new(device, plan)?,
+        };
+        self.known.push((key, uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    /// Frees what no stage uses any more.
+    pub fn forget_unused(&mut self) {
+        self.known.retain(|(_, uploaded)| Rc::strong_count(&uploaded.nodes) > 1);
+    }
+}
+
+/// What the driver's compiler tells of the kernel that traces a plan's ambient rays, compiled for this alone; `None`
+/// where the device doesn't tell.
+pub fn traversal_statistics(device: &Device, plan: &Plan<'_>) -> Result<Option<PipelineStatistics>> {
+    if !device.adapter().features.contains(&("pipeline statistics", true)) {
+        return Ok(None);
+    }
+    let place = match plan.settings.passes {
+        Passes::Single => 0,
+        Passes::Split => 2,
+        Passes::Staged => 4,
+    };
+    let Some(kernel) = plan.kernels.get(place) else { return Ok(None) };
+    Pipeline::with_statistics(device, kernel, &plan.constants, size_of::<Range>() as u32)?.statistics()
 }
 
 /// What all bands of a render share.

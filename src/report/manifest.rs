@@ -22,6 +22,15 @@ pub struct Manifest {
 
 impl Manifest {
     pub fn new(scene: &Scene, adapter: &Adapter, seed: u32) -> Self {
+        Self::of_several(&[scene.hash], adapter, seed)
+    }
+
+    /// Of a result from several scenes, given the hashes of their triangles: one hash for all of them.
+    pub fn of_several(scenes: &[u64], adapter: &Adapter, seed: u32) -> Self {
+        let scene_hash = match scenes {
+            [one] => *one,
+            several => xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(several)),
+        };
         let command: Vec<String> =
             std::env::args_os().map(|argument| quoted(&argument.to_string_lossy())).collect();
         Self {
@@ -29,7 +38,7 @@ impl Manifest {
             command: command.join(" "),
             device: adapter.name.clone(),
             driver: adapter.driver.clone(),
-            scene_hash: format!("{:016x}", scene.hash),
+            scene_hash: format!("{scene_hash:016x}"),
             spirv_hash: format!("{SPIRV_HASH:016x}"),
             seed,
         }

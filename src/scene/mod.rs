@@ -4,6 +4,7 @@ pub mod camera;
 pub mod condition;
 pub mod obj;
 pub mod procedural;
+pub mod rays;
 
 use std::path::Path;
 use std::time::Instant;

@@ -99,6 +99,7 @@ pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> 
         Method::Ordered,
         Method::Packet,
         Method::Postponed,
+        Method::Wide,
     ] {
         for accessor in [Accessor::StorageBuffer, Accessor::TexelBuffer] {
             let decision =

@@ -8,6 +8,7 @@ pub mod postponed;
 pub mod single_push;
 pub mod stack;
 pub mod threaded;
+pub mod wide;
 
 use super::ray::{Hit, Ray};
 use super::{Inputs, Traversal};
@@ -21,7 +22,8 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
         Traversal::SinglePush => (single_push::closest_hit(inputs, ray, hit), false),
         Traversal::Packet => (packet::closest_hits(inputs, &[*ray], vec![hit])[0], false),
         Traversal::Postponed => (postponed::closest_hits(inputs, &[*ray], vec![hit])[0], false),
-        Traversal::Ordered | Traversal::Wide => (ordered::closest_hit(inputs, ray, hit), false),
+        Traversal::Ordered => (ordered::closest_hit(inputs, ray, hit), false),
+        Traversal::Wide => (wide::closest_hit(inputs, ray, hit), false),
     }
 }
 
@@ -34,7 +36,8 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
         Traversal::SinglePush => (single_push::any_hit(inputs, ray), false),
         Traversal::Packet => (packet::any_hits(inputs, &[*ray])[0], false),
         Traversal::Postponed => (postponed::any_hits(inputs, &[*ray])[0], false),
-        Traversal::Ordered | Traversal::Wide => (ordered::any_hit(inputs, ray), false),
+        Traversal::Ordered => (ordered::any_hit(inputs, ray), false),
+        Traversal::Wide => (wide::any_hit(inputs, ray), false),
     }
 }
 

@@ -47,6 +47,7 @@ fn every_method_and_order_finds_the_same_bits() {
                 Traversal::Ordered,
                 Traversal::Packet,
                 Traversal::Postponed,
+                Traversal::Wide,
             ] {
                 let inputs = scene.by(other);
                 let (found, overflowed) = closest_hit(&inputs, &ray, no_hit(ray.t_max));

@@ -1,0 +1,74 @@
+//! What a view's pixels must count, from a row of its own that is not timed.
+
+use super::rows::Spec;
+use super::schedule::{Effort, elements_in, share_that_fits, spans};
+use super::target::plan_of;
+use super::{Bench, Case, Watch};
+use crate::error::Result;
+use crate::layout::Count;
+use crate::render::choices::{Method, Passes, Preset};
+use crate::render::repeat::Repeated;
+use crate::render::stage::Stage;
+use crate::render::tally::Totals;
+
+/// Counts after one frame.
+pub struct Reference {
+    /// By pixel number; `None` where it did not run.
+    counts: Vec<Option<Count>>,
+    /// Rays of the whole picture, if all of it ran.
+    pub whole: Option<Totals>,
+}
+
+/// Up to this many triangles the reference tests all of them.
+const FEW_TRIANGLES: usize = 64;
+
+/// The choices of the row that others are compared with.
+pub fn reference_spec(triangles: usize) -> Spec {
+    let method = if triangles <= FEW_TRIANGLES { Method::Brute } else { Method::Threaded };
+    Spec::new(Preset::Auto, method, None, Passes::Single)
+}
+
+impl Reference {
+    pub fn new(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Result<Self> {
+        let scene = &case.subject.scene;
+        let spec = reference_spec(scene.mesh.triangles.len());
+        let built;
+        let geometry = match case.rows.iter().find(|(row, ..)| row.shares_geometry(&spec)) {
+            Some((_, geometry, _)) => *geometry,
+            None => {
+                built = watch.build(scene, &spec)?;
+                &built
+            }
+        };
+        let plan = plan_of(bench, case, &spec, geometry)?;
+        let stage = Stage::new(bench.device, &plan)?;
+        let elements = plan.tiles.padded_pixels() as u32;
+        let share = share_of(&stage, elements, &bench.options.effort)?;
+        let spans = spans(elements, share);
+        let mut frames = Repeated::over(&stage, &spans)?;
+        let totals = frames.frame()?.totals;
+        let mut counts = vec![None; elements as usize];
+        for (pixel, count) in pixels(&spans).zip(frames.counts()?) {
+            counts[pixel] = Some(count);
+        }
+        Ok(Self { counts, whole: (elements_in(&spans) == u64::from(elements)).then_some(totals) })
+    }
+
+    /// How many pixels of these spans have other counts; `None` if the two have no pixel in common.
+    pub fn mismatches(&self, spans: &[(u32, u32)], counts: &[Count]) -> Option<u64> {
+        let pairs = pixels(spans).zip(counts).filter_map(|(pixel, count)| {
+            self.counts.get(pixel).copied().flatten().map(|expected| expected != *count)
+        });
+        let compared: Vec<bool> = pairs.collect();
+        (!compared.is_empty()).then(|| compared.iter().filter(|differs| **differs).count() as u64)
+    }
+}
+
+/// The share of the pixels that a row of this stage may take.
+pub fn share_of(stage: &Stage<'_>, elements: u32, effort: &Effort) -> Result<f64> {
+    share_that_fits(elements, effort, &mut |spans| Ok(Repeated::over(stage, spans)?.frame()?.gpu_ms()))
+}
+
+fn pixels(spans: &[(u32, u32)]) -> impl Iterator<Item = usize> {
+    spans.iter().flat_map(|&(begin, end)| begin as usize..end as usize)
+}
