@@ -77,6 +77,8 @@ fn the_timeline_shows_each_dispatch_within_its_submit() {
         &["--size", "64x40", "--spp", "16"][..],
         &["--size", "64x40", "--spp", "32", "--accumulator", "rgba32f"],
         &["--size", "256x160", "--spp", "64", "--method", "brute"],
+        &["--size", "128x80", "--spp", "16", "--passes", "split"],
+        &["--size", "128x80", "--spp", "16", "--passes", "staged"],
     ] {
         let (trace, record, said) = traced(arguments);
         let events = trace["traceEvents"].as_array().unwrap();
@@ -85,7 +87,7 @@ fn the_timeline_shows_each_dispatch_within_its_submit() {
         assert_nested(&host);
         assert_nested(&device);
         for name in
-            ["load scene", "build tree", "pack and upload", "compile kernel", "render", "write results"]
+            ["load scene", "build tree", "pack and upload", "compile kernels", "render", "write results"]
         {
             assert_eq!(host.iter().filter(|span| span.name == name).count(), 1, "{name}");
         }

@@ -2,6 +2,8 @@
 // read the same node at the same time (ray packets: Wald et al. 2001; with one stack for a group of GPU threads:
 // Guenther et al. 2007). Everything that steers the walk is voted on, so all lanes hold the same stack, each its own
 // copy, which needs no lane in particular to be there. With it each keeps whether its own ray wants what waits.
+// Lanes part where one has a ray or wants a triangle and another does not. The barriers bring them together again: a
+// vote among lanes that stand at different nodes would mix their walks, as seen on an H100.
 // Twin: src/reference/traverse/packet.rs.
 
 #include "pair.glsl"
@@ -74,10 +76,11 @@ bool closest_hit_together(Ray ray, bool waits, inout Hit hit) {
                 if (more) wanted = pop(reference);
             }
         }
-        if (wanted && reference < 0) {
-            finished = closest_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), hit) && finished;
-        }
         if (reference < 0) {
+            if (wanted) {
+                finished = closest_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), hit) && finished;
+            }
+            subgroupBarrier();
             more = top > 0;
             if (more) wanted = pop(reference);
         }
@@ -93,8 +96,10 @@ void run_closest() {
     bool more = true;
     while (more) {
         bool waits = next_closest(ray, hit, id);
+        subgroupBarrier();
         bool finished = closest_hit_together(ray, waits, hit);
         if (waits) retire_closest(id, hit, finished);
+        subgroupBarrier();
         more = subgroupAny(waits);
     }
 }
@@ -128,10 +133,11 @@ bool any_hit_together(Ray ray, bool waits, inout bool occluded) {
                 more = subgroupAny(wanted);
             }
         }
-        if (wanted && reference < 0) {
-            finished = any_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), occluded) && finished;
-        }
         if (reference < 0) {
+            if (wanted) {
+                finished = any_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), occluded) && finished;
+            }
+            subgroupBarrier();
             more = false;
             while (!more && top > 0) {
                 wanted = pop(reference) && !occluded;
@@ -150,8 +156,10 @@ void run_any() {
     bool more = true;
     while (more) {
         bool waits = next_any(ray, occluded, id);
+        subgroupBarrier();
         bool finished = any_hit_together(ray, waits, occluded);
         if (waits) retire_any(id, occluded, finished);
+        subgroupBarrier();
         more = subgroupAny(waits);
     }
 }

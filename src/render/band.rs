@@ -1,6 +1,7 @@
 //! Renders the pixels of one band: ranges recorded into submits, two of them under way at once, and what
 //! the device counted compared with what it was asked for.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ops::Range as Span;
 use std::time::Instant;
@@ -24,6 +25,8 @@ pub struct Band<'a> {
     seeds: Buffer,
     carry: Buffer,
     between: Buffers,
+    /// Rays per ms, once that was measured.
+    rate: Cell<Option<f64>>,
     work: Buffer,
 }
 
@@ -74,6 +77,7 @@ impl<'a> Band<'a> {
             seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
             carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
             between: Buffers::new(device, plan, pixels)?,
+            rate: Cell::new(None),
             work: zeroed("work", plan.counts_work(), size_of::<layout::Work>())?,
         })
     }
@@ -177,6 +181,7 @@ impl<'a> Band<'a> {
             }
             let rays = totals.primary_finished + totals.ambient_finished;
             scheduler.measured(&ranges, rays, device_ms(&finished).unwrap_or(wall_ms));
+            self.rate.set(Some(scheduler.rate()));
             missing += totals.missing();
             tally.add(&ranges, &dispatched, &totals, &finished, wall_ms);
         }
@@ -195,7 +200,7 @@ impl<'a> Band<'a> {
             blocks: if counts_rays(plan) { Blocks::Free } else { Blocks::Frames(FRAME_SAMPLES) },
             room: self.between.room(),
         };
-        let scheduler = Scheduler::new(work, self.stage.pace);
+        let scheduler = Scheduler::new(work, self.stage.pace).with_rate(self.rate.get());
         match plan.job.block {
             // Few pixels are left, each with its own rest.
             _ if !first => scheduler.with_block(REPEAT_BLOCK),

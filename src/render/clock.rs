@@ -28,15 +28,25 @@ impl<'a> ClockProbe<'a> {
     /// Device time of the probe, ms; the host's waiting time on a device without timestamps. The first one or two
     /// after a pause also show how the device wakes up.
     pub fn measure(&self) -> Result<f64> {
+        self.measure_in_a_row(1)
+    }
+
+    /// Mean time of so many probes that follow one another without a pause, ms: a device that waits for the host in
+    /// between may keep its clock low.
+    pub fn measure_in_a_row(&self, probes: u32) -> Result<f64> {
         let kernel = self.pipeline.bind(&[(BINDING_HITS, Binding::Buffer(&self.results))])?;
-        let mut batch = Batch::new(self.device, 1)?;
-        batch.barrier(&[Hazard::Buffer(&self.results, Access::ShaderWrite, Access::ShaderWrite)]);
-        batch.dispatch(&kernel, &[], [CLOCK_GROUPS, 1, 1], kernel.name());
+        let probes = probes.max(1);
+        let mut batch = Batch::new(self.device, probes)?;
+        for _ in 0..probes {
+            batch.barrier(&[Hazard::Buffer(&self.results, Access::ShaderWrite, Access::ShaderWrite)]);
+            batch.dispatch(&kernel, &[], [CLOCK_GROUPS, 1, 1], kernel.name());
+        }
         let start = Instant::now();
         batch.submit()?;
         let finished = batch.wait()?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(finished.timings.first().and_then(|timing| timing.gpu_ms).unwrap_or(wall_ms))
+        let device_ms: Option<f64> = finished.timings.iter().map(|timing| timing.gpu_ms).sum();
+        Ok(device_ms.unwrap_or(wall_ms) / f64::from(probes))
     }
 
     /// What the last measurement computed, one word an invocation.

@@ -130,6 +130,17 @@ impl Scheduler {
         self
     }
 
+    /// Starts from a rate that was learnt before, rays per ms.
+    pub fn with_rate(mut self, rays_per_ms: Option<f64>) -> Self {
+        self.rays_per_ms = rays_per_ms.unwrap_or(self.rays_per_ms);
+        self
+    }
+
+    /// The rate that it reckons with, rays per ms.
+    pub fn rate(&self) -> f64 {
+        self.rays_per_ms
+    }
+
     /// Ranges for the next submit; none when all were handed out.
     pub fn next_submit(&mut self) -> Vec<Range> {
         let patience = self.rays_per_ms * self.pace.submit_ms;

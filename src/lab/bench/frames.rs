@@ -115,6 +115,7 @@ impl View<'_> {
                 Err(error) => self.fail(planned.spec, error, watch)?,
             }
         }
+        self.bench.drift.wake()?;
         let mut running = Vec::new();
         for ready in &ready {
             let spec = ready.planned.spec;
@@ -130,7 +131,8 @@ impl View<'_> {
             match times.and_then(|times| self.finish(&mut row, &times)) {
                 Ok(row) => {
                     self.through(spec, watch);
-                    watch.row(row)
+                    watch.row(row)?;
+                    drift.wake()
                 }
                 Err(error) => self.fail(spec, error, watch),
             }
@@ -158,7 +160,7 @@ impl View<'_> {
         let Ready { planned, stage } = ready;
         let effort = &self.bench.options.effort;
         let elements = planned.plan.tiles.padded_pixels() as u32;
-        let spans = spans(elements, share_of(stage, elements, effort)?);
+        let spans = spans(elements, share_of(self.bench, stage, elements)?, self.bench.width());
         let mut frames = Repeated::over(stage, &spans)?;
         let first = frames.frame()?.totals;
         let mut mismatched = None;
@@ -198,6 +200,7 @@ impl View<'_> {
         let first_share = self.share(row, &row.first);
         if spec.passes != Passes::Single {
             let frames = &mut row.frames;
+            self.bench.drift.wake()?;
             let median = aside(&mut || {
                 frames.forget_hits();
                 Ok(frames.frame()?.gpu_ms())
@@ -252,6 +255,7 @@ impl View<'_> {
         let stage = self.stage(&plan)?;
         let mut frames = Repeated::over(&stage, spans)?;
         frames.frame()?;
+        self.bench.drift.wake()?;
         aside(&mut || {
             frames.forget_hits();
             let kernels = frames.frame()?.kernels;

@@ -182,11 +182,11 @@ impl List<'_> {
     /// The part of the rays that a row may take.
     fn spans(&self, plan: &Plan<'_>, query: Query) -> Result<Vec<(u32, u32)>> {
         let effort = &self.bench.options.effort;
-        let share = share_that_fits(self.elements(), effort, &mut |spans| {
+        let share = share_that_fits(self.elements(), effort, self.bench.width(), &mut |spans| {
             let set = self.set(spans)?;
             Ok(self.retraced(plan, &set, query)?.0.frame()?.gpu_ms())
         })?;
-        Ok(spans(self.elements(), share))
+        Ok(spans(self.elements(), share, self.bench.width()))
     }
 
     /// A row's kernel over a set of rays, and the bytes of its nodes.
@@ -246,6 +246,7 @@ impl List<'_> {
             }
         }
         let Bench { options, drift, .. } = self.bench;
+        drift.wake()?;
         interleave(running, &options.effort, options.seed, &mut || drift.measure(), &mut |row, times| {
             through(watch);
             match times.and_then(|times| self.finish(&row, &times)) {

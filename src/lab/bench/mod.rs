@@ -20,7 +20,7 @@ use crate::scene::rays::FileRay;
 use crate::vk::Device;
 use drift::Drift;
 use rows::{Failure, Lists, Row, Spec};
-use schedule::Effort;
+use schedule::{Effort, Width};
 
 /// A view of a scene by its name on the command line.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,6 +122,10 @@ struct Case<'a> {
 impl<'a> Bench<'a> {
     pub fn new(device: &'a Device, options: &'a Options) -> Result<Self> {
         Ok(Self { device, options, drift: Drift::new(device)?, planned: Cell::new(0) })
+    }
+
+    fn width(&self) -> Width {
+        Width::of(self.device.adapter().kind)
     }
 
     /// Measures the rows of a scene. Rows that fail are told to `watch`; only what it returns is an error.

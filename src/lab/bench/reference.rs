@@ -1,7 +1,7 @@
 //! What a view's pixels must count, from a row of its own that is not timed.
 
 use super::rows::Spec;
-use super::schedule::{Effort, elements_in, share_that_fits, spans};
+use super::schedule::{elements_in, share_that_fits, spans};
 use super::target::plan_of;
 use super::{Bench, Case, Watch};
 use crate::error::Result;
@@ -43,8 +43,8 @@ impl Reference {
         let plan = plan_of(bench, case, &spec, geometry)?;
         let stage = Stage::new(bench.device, &plan)?;
         let elements = plan.tiles.padded_pixels() as u32;
-        let share = share_of(&stage, elements, &bench.options.effort)?;
-        let spans = spans(elements, share);
+        let share = share_of(bench, &stage, elements)?;
+        let spans = spans(elements, share, bench.width());
         let mut frames = Repeated::over(&stage, &spans)?;
         let totals = frames.frame()?.totals;
         let mut counts = vec![None; elements as usize];
@@ -65,8 +65,9 @@ impl Reference {
 }
 
 /// The share of the pixels that a row of this stage may take.
-pub fn share_of(stage: &Stage<'_>, elements: u32, effort: &Effort) -> Result<f64> {
-    share_that_fits(elements, effort, &mut |spans| Ok(Repeated::over(stage, spans)?.frame()?.gpu_ms()))
+pub fn share_of(bench: &Bench<'_>, stage: &Stage<'_>, elements: u32) -> Result<f64> {
+    let mut run = |spans: &[(u32, u32)]| Ok(Repeated::over(stage, spans)?.frame()?.gpu_ms());
+    share_that_fits(elements, &bench.options.effort, bench.width(), &mut run)
 }
 
 fn pixels(spans: &[(u32, u32)]) -> impl Iterator<Item = usize> {

@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::layout::WORKGROUP_SIZE;
 use crate::render::seeds::hash;
+use crate::vk::DeviceKind;
 
 /// How much is spent on a row.
 #[derive(Clone, Copy, Debug)]
@@ -93,17 +94,34 @@ pub fn shuffled(count: usize, seed: u32, round: u32) -> Vec<usize> {
     places
 }
 
-/// Parts of a picture, spread over it.
-const PARTS: u32 = 32;
+/// How a device takes a part of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Width {
+    /// Spans that a part of a picture is spread over. They run one after the other, so a wide device gets one.
+    pub parts: u32,
+    /// Invocations that run at once: fewer take as long as these.
+    pub at_once: u32,
+}
+
+impl Width {
+    /// A GPU runs some 2048 invocations on each of a hundred multiprocessors or so.
+    pub fn of(kind: DeviceKind) -> Self {
+        match kind {
+            DeviceKind::Cpu => Self { parts: 32, at_once: 1 },
+            _ => Self { parts: 1, at_once: 1 << 18 },
+        }
+    }
+}
 
 /// Spans of about this share of `elements` (a multiple of the workgroup's size, such as pixel numbers), spread over all
 /// of them; each begins and ends between two workgroups. A smaller share lies within a larger one.
-pub fn spans(elements: u32, share: f64) -> Vec<(u32, u32)> {
+pub fn spans(elements: u32, share: f64, width: Width) -> Vec<(u32, u32)> {
     let groups = elements / WORKGROUP_SIZE;
-    if share >= 1.0 || groups <= PARTS {
+    let parts = width.parts;
+    if share >= 1.0 || groups <= parts {
         return vec![(0, elements)];
     }
-    let edge = |part: u32| (u64::from(groups) * u64::from(part) / u64::from(PARTS)) as u32;
+    let edge = |part: u32| (u64::from(groups) * u64::from(part) / u64::from(parts)) as u32;
     let span = |part: u32| {
         let (first, room) = (edge(part), edge(part + 1) - edge(part));
         let taken = ((f64::from(room) * share).round() as u32).clamp(1, room);
@@ -112,7 +130,7 @@ pub fn spans(elements: u32, share: f64) -> Vec<(u32, u32)> {
         let before = (place * u64::from(room - taken) / u64::from(room)) as u32;
         ((first + before) * WORKGROUP_SIZE, (first + before + taken) * WORKGROUP_SIZE)
     };
-    (0..PARTS).map(span).collect()
+    (0..parts).map(span).collect()
 }
 
 /// Elements in spans.
@@ -127,24 +145,28 @@ const TELLING_MS: f64 = 300.0;
 pub type FrameOver<'a> = dyn FnMut(&[(u32, u32)]) -> Result<f64> + 'a;
 
 /// How much of a picture of so many elements a row may take, in (0, 1], found by running growing parts of it:
-/// `run` gives the time of a frame over spans.
-pub fn share_that_fits(elements: u32, effort: &Effort, run: &mut FrameOver<'_>) -> Result<f64> {
-    let least = f64::from(PARTS) / f64::from((elements / WORKGROUP_SIZE).max(PARTS));
-    let mut share = least;
+/// `run` gives the time of a frame over spans. Never less than the device runs at once, since such a part would take
+/// as long as a larger one.
+pub fn share_that_fits(elements: u32, effort: &Effort, width: Width, run: &mut FrameOver<'_>) -> Result<f64> {
+    let first = f64::from(width.parts) / f64::from((elements / WORKGROUP_SIZE).max(width.parts));
+    let least = (f64::from(width.at_once) / f64::from(elements)).clamp(first, 1.0);
+    let mut share = first;
     // Drivers that compile at the first dispatch do it now.
-    run(&spans(elements, share))?;
+    run(&spans(elements, share, width))?;
     loop {
-        let part = spans(elements, share);
+        let part = spans(elements, share, width);
         let ms = run(&part)?;
-        let whole_ms = ms * f64::from(elements) / elements_in(&part).max(1) as f64;
+        let taken = elements_in(&part).max(u64::from(width.at_once)).clamp(1, u64::from(elements.max(1)));
+        let whole_ms = ms * f64::from(elements) / taken as f64;
         let row_ms = whole_ms * f64::from(effort.least_frames());
-        if row_ms <= effort.longest_ms {
+        if share >= least && row_ms <= effort.longest_ms {
             return Ok(1.0);
         }
-        if ms >= TELLING_MS || share >= 1.0 {
+        if share >= least && ms >= TELLING_MS || share >= 1.0 {
             return Ok((effort.longest_ms / row_ms).clamp(least, 1.0));
         }
-        share = (share * 8.0).min(1.0);
+        // Not far beyond the least, where the first times tell.
+        share = if share < least { (share * 8.0).min(least) } else { (share * 8.0).min(1.0) };
     }
 }
 
@@ -208,9 +230,10 @@ mod tests {
     #[test]
     fn spans_are_nested_in_order_and_of_the_size_asked_for() {
         let elements = 64 * 10_240;
-        let mut larger = spans(elements, 1.0);
+        let cpu = Width::of(DeviceKind::Cpu);
+        let mut larger = spans(elements, 1.0, cpu);
         for share in [0.9, 0.4, 0.05, 0.004] {
-            let smaller = spans(elements, share);
+            let smaller = spans(elements, share, cpu);
             let got = elements_in(&smaller) as f64 / f64::from(elements);
             assert!((got / share - 1.0).abs() < 0.25, "{share}: {got}");
             assert!(smaller.windows(2).all(|pair| pair[0].1 <= pair[1].0));
@@ -220,14 +243,14 @@ mod tests {
             }
             larger = smaller;
         }
-        assert_eq!(spans(64 * 20, 0.01), [(0, 64 * 20)]);
+        assert_eq!(spans(64 * 20, 0.01, cpu), [(0, 64 * 20)]);
     }
 
     #[test]
     fn a_slow_row_gets_a_part_and_a_fast_one_all() {
         let elements = 64 * 10_240u32;
         let fits = |ms_per_element: f64| {
-            share_that_fits(elements, &Effort::FULL, &mut |spans| {
+            share_that_fits(elements, &Effort::FULL, Width::of(DeviceKind::Cpu), &mut |spans| {
                 Ok(ms_per_element * elements_in(spans) as f64)
             })
             .unwrap()
@@ -237,5 +260,24 @@ mod tests {
         assert_eq!(fits(whole_ms(1999.0)), 1.0);
         assert!((fits(whole_ms(20_000.0)) - 0.1).abs() < 0.01);
         assert!((fits(whole_ms(1e7)) - 32.0 / 10_240.0).abs() < 1e-6, "never less than the smallest part");
+    }
+
+    /// A device that runs many invocations at once takes as long for fewer: what a small part of the picture takes says
+    /// little of the whole.
+    #[test]
+    fn a_wide_device_is_not_judged_by_a_part_that_it_does_not_notice() {
+        let elements = 64 * 10_240u32;
+        let width = Width::of(DeviceKind::Discrete);
+        let fits = |ms_when_full: f64| {
+            share_that_fits(elements, &Effort::FULL, width, &mut |spans| {
+                let taken = elements_in(spans).max(u64::from(width.at_once));
+                Ok(ms_when_full * taken as f64 / f64::from(elements))
+            })
+            .unwrap()
+        };
+        assert_eq!(fits(1000.0), 1.0);
+        assert!((fits(4000.0) - 0.5).abs() < 0.05);
+        assert!((fits(1e6) - f64::from(width.at_once) / f64::from(elements)).abs() < 1e-6);
+        assert_eq!(spans(elements, 0.4, width).len(), 1);
     }
 }
