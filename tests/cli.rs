@@ -47,7 +47,7 @@ fn a_render_writes_png_exr_and_json_with_the_manifest() {
         (path(folder.path(), "a.png"), path(folder.path(), "a.exr"), path(folder.path(), "a.json"));
     let common = ["render", CORNELL, "--size", "50x30", "--spp", "8", "--seed", "3", "--validate"];
     let summary = succeeds(&[&common[..], &["-o", &png, "--json", &json]].concat());
-    for words in ["device", "threaded", "kernel", " ms in ", "Mrays/s"] {
+    for words in ["device", "wide", "kernel", " ms in ", "Mrays/s"] {
         assert!(summary.contains(words), "{summary}");
     }
     succeeds(&[&common[..], &["-o", &exr]].concat());
@@ -283,7 +283,7 @@ fn the_commands_that_tell() {
         assert!(inspected.contains(words), "{words}: {inspected}");
     }
     let plan = succeeds(&["plan", MAISON]);
-    assert!(plan.contains("threaded") && plan.contains("robust"), "{plan}");
+    assert!(plan.contains("wide") && plan.contains("robust"), "{plan}");
     fails(&["plan", MAISON, "--method", "stack8"], 2, "stack8 can overflow");
 }
 

@@ -5,7 +5,7 @@ use super::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Setti
 use super::geometry::Geometry;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::kernels::Kernel;
+use crate::kernels::{Kernel, find_kernel};
 use crate::vk::{Adapter, DeviceKind};
 
 /// How kernels read geometry.
@@ -40,10 +40,13 @@ pub struct Decision {
     pub reasons: Vec<Reason>,
 }
 
-/// Up to this many triangles a GPU tests all of them faster than it walks a tree (measured: 32 triangles
-/// at 1.1 times the rate of `threaded` on an H100), a CPU device only fewer.
-const BRUTE_UP_TO: usize = 32;
+/// Up to this many triangles testing all of them is no slower than a tree (measured on boxes of 8, 16 and more
+/// triangles: on an H100 the tree wins from 8 on, on Mesa's software device after 8).
+const BRUTE_UP_TO: usize = 4;
 const BRUTE_UP_TO_ON_CPU: usize = 8;
+/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured: 1.3 times the rate of
+/// `postponed` with 32 triangles on an H100, 0.85 times with 5,456).
+const WIDE_UP_TO: usize = 256;
 
 /// The tree's builder, chosen before there is a tree.
 pub fn choose_builder(wishes: &Wishes) -> Builder {
@@ -100,14 +103,15 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "count",
                 "exact, and it adds up in any order",
             );
-            choose("passes", wishes.passes.map(Passes::name), "single", "one kernel does all of a pixel");
+            let (passes, why) = choose_passes(method, adapter);
+            choose("passes", wishes.passes.map(Passes::name), passes.name(), why);
             choose("offset", wishes.offset.map(Offset::name), "scaled", "follows the scene's size");
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
                 preset,
                 method,
                 builder: geometry.builder,
-                passes: wishes.passes.unwrap_or(Passes::Single),
+                passes: wishes.passes.unwrap_or(passes),
                 sampler: wishes.sampler.unwrap_or(Sampler::Pcg),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
                 offset: wishes.offset.unwrap_or(Offset::Scaled),
@@ -130,15 +134,36 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
 
 fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
-    let few = if adapter.kind == DeviceKind::Cpu { BRUTE_UP_TO_ON_CPU } else { BRUTE_UP_TO };
+    let on_cpu = adapter.kind == DeviceKind::Cpu;
+    let few = if on_cpu { BRUTE_UP_TO_ON_CPU } else { BRUTE_UP_TO };
+    let votes =
+        find_kernel("ambient/postponed/count/ssbo").and_then(|kernel| check_subgroup(kernel, adapter));
     if triangles <= few {
-        return (
-            Method::Brute,
-            format!("{triangles} triangles, at most {few}: a tree would not pay on this kind of device"),
-        );
+        let why =
+            format!("{triangles} triangles, at most {few}: a tree would not pay on this kind of device");
+        (Method::Brute, why)
+    } else if on_cpu {
+        (Method::Wide, "a CPU device is fastest with few, large nodes".into())
+    } else if triangles <= WIDE_UP_TO {
+        (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
+    } else if votes.is_ok() {
+        (Method::Postponed, "a GPU's lanes part least when leaves wait for one another".into())
+    } else {
+        (Method::Ordered, "the device lacks the votes that postponed leaves take".into())
     }
-    let entries = geometry.stack_bound;
-    (Method::Threaded, format!("more than {few} triangles, and no stack of up to {entries} entries to keep"))
+}
+
+/// Camera rays' hits are found again with each dispatch of a single pass; a second kernel costs little where dispatches
+/// are many, as on a CPU, or where lanes do not take their next ray by themselves.
+fn choose_passes(method: Method, adapter: &Adapter) -> (Passes, &'static str) {
+    match method {
+        Method::Brute => (Passes::Single, "one kernel does all of a pixel"),
+        _ if adapter.kind == DeviceKind::Cpu => {
+            (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
+        }
+        Method::Ordered => (Passes::Split, "ambient rays of few pixels would hold up the others"),
+        _ => (Passes::Single, "one kernel does all of a pixel"),
+    }
 }
 
 /// Mesa's software device reads texel buffers three times faster than storage buffers: the fetch is
