@@ -18,6 +18,9 @@ pub struct Pace {
     /// Most samples of a dispatch. Each dispatch finds the camera rays' hits again, so more is less
     /// work; but a dispatch ends with its longest pixel, so less keeps a wide device busy.
     pub samples: u32,
+    /// Fewest workgroups of a dispatch, as far as there are so many: fewer would take as long on a wide device, and a
+    /// dispatch that is too long would only be cut into more that are no shorter.
+    pub least_workgroups: u32,
     /// Most workgroups of a dispatch.
     pub workgroups: u32,
     /// Most loop iterations of an invocation, over all its loops.
@@ -50,6 +53,8 @@ pub struct Work {
 
 /// Most triangles of a dispatch, so that one ray cannot hold up a device for long.
 const MOST_PART: u32 = 1 << 20;
+/// Tests of a ray up to which the fewest workgroups of a dispatch may well be in it at once.
+const SHORT_RAY: f64 = 2e5;
 /// Ranges of one submit.
 const MOST_RANGES: usize = 256;
 
@@ -182,6 +187,11 @@ impl Scheduler {
         pixels * rays * share
     }
 
+    fn least_groups(&self) -> u32 {
+        let tests = if self.work.brute { f64::from(self.work.triangles.max(1)) } else { 1.0 };
+        (f64::from(self.pace.least_workgroups) * (SHORT_RAY / tests).min(1.0)) as u32
+    }
+
     /// Makes the ranges of the next pixels and samples.
     fn prepare(&mut self) {
         if self.next_sample >= self.work.sample_end {
@@ -193,7 +203,7 @@ impl Scheduler {
             _ => f64::from(samples.end - samples.start) + 1.0,
         };
         let wanted = self.rays_per_ms * self.pace.dispatch_ms / per_pixel / f64::from(WORKGROUP_SIZE);
-        let groups = (wanted as u32).clamp(1, self.pace.workgroups);
+        let groups = (wanted as u32).max(self.least_groups()).clamp(1, self.pace.workgroups);
         let groups = match self.work.room {
             None => groups,
             Some(room) => {
@@ -259,6 +269,7 @@ mod tests {
         dispatch_ms: 100.0,
         submit_ms: 250.0,
         samples: 1024,
+        least_workgroups: 1,
         workgroups: 65_535,
         loop_iterations: Some(65_535),
     };
@@ -351,6 +362,32 @@ mod tests {
                 next[tile as usize] = range.sample_end;
             }
         }
+    }
+
+    /// A dispatch of one workgroup takes as long as one of a thousand there: cutting it smaller would never end.
+    #[test]
+    fn a_wide_device_s_dispatches_do_not_shrink_without_end() {
+        let pace = Pace { least_workgroups: 1024, loop_iterations: None, ..CPU };
+        let work = Work {
+            pixel_begin: 0,
+            pixel_end: 64 * 10_240,
+            sample_begin: 0,
+            sample_end: 4,
+            ..work(70_000, true, Blocks::Free)
+        };
+        let mut scheduler = Scheduler::new(work, pace);
+        let mut ranges = 0;
+        loop {
+            let submit = scheduler.next_submit();
+            if submit.is_empty() {
+                break;
+            }
+            ranges += submit.len();
+            let finished =
+                submit.iter().map(|range| u64::from(range.pixel_end - range.pixel_begin) * 5).sum();
+            scheduler.measured(&submit, finished, 400.0 * submit.len() as f64);
+        }
+        assert_eq!(ranges, 10);
     }
 
     #[test]

@@ -170,10 +170,10 @@ fn new_image(device: &Device, plan: &Plan<'_>) -> Result<Option<Image>> {
 /// far from the two seconds after which drivers give up.
 fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
     let adapter = device.adapter();
-    let (rays_per_ms, dispatch_ms, submit_ms, samples) = match adapter.kind {
-        DeviceKind::Discrete => (4e5, 100.0, 200.0, 16),
-        DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16),
-        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024),
+    let (rays_per_ms, dispatch_ms, submit_ms, samples, least_workgroups) = match adapter.kind {
+        DeviceKind::Discrete => (4e5, 100.0, 200.0, 16, 1024),
+        DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16, 128),
+        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024, 1),
     };
     // Where the work of a pixel is spread over many invocations, no long pixel holds up a dispatch.
     let samples = if plan.settings.passes == Passes::Single { samples } else { 1024 };
@@ -183,6 +183,7 @@ fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
         dispatch_ms,
         submit_ms,
         samples,
+        least_workgroups,
         workgroups: limits.workgroups,
         loop_iterations: limits.loop_iterations,
     }
