@@ -2,10 +2,9 @@
 
 use super::stack::stack_bound;
 use super::{BOX_COST, Content, TRIANGLE_COST, Tree};
-use crate::layout::Triangle;
 
 /// The shape of a tree, and what a random ray is expected to cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Quality {
     /// Expected cost of a ray that crosses the root's box and meets nothing, by the surface area heuristic
     /// (Goldsmith and Salmon, 1987; MacDonald and Booth, 1990), in tests of a box: the sum over inner nodes of
@@ -27,8 +26,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of a tree over these triangles.
-    pub fn of(tree: &Tree, triangles: &[Triangle]) -> Self {
+    pub fn of(tree: &Tree) -> Self {
         let root_area = tree.nodes.last().map_or(0.0, |root| root.bounds.half_area());
         let mut sah_cost = 0.0;
         let mut leaves = 0;
@@ -43,7 +41,8 @@ impl Quality {
             let share = if root_area > 0.0 { node.bounds.half_area() / root_area } else { 1.0 };
             sah_cost += weight * share;
         }
-        let mut seen = vec![false; triangles.len()];
+        let triangles = tree.order.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut seen = vec![false; triangles];
         let mut duplicates = 0;
         for &triangle in &tree.order {
             if let Some(seen) = seen.get_mut(triangle as usize) {
@@ -91,6 +90,6 @@ mod tests {
             largest_leaf: 2,
             nodes: 3,
         };
-        assert_eq!(Quality::of(&tree, &[Triangle::default(); 2]), expected);
+        assert_eq!(Quality::of(&tree), expected);
     }
 }

@@ -23,7 +23,7 @@ fn checked(builder: Builder, triangles: &[Triangle], what: &str) -> Quality {
     let tree = quiet(builder, triangles);
     validate(&tree, triangles).unwrap_or_else(|e| panic!("{builder}, {what}: {e}"));
     validate_skips(&tree, &thread::skips(&tree)).unwrap();
-    let quality = Quality::of(&tree, triangles);
+    let quality = Quality::of(&tree);
     let limit = if builder == Builder::Midpoint { 1 } else { LEAF_LIMIT };
     assert!(quality.largest_leaf <= limit, "{builder}, {what}: {quality:?}");
     assert!(quality.duplicates <= triangles.len() / 2, "{builder}, {what}: {quality:?}");

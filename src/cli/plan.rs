@@ -32,13 +32,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     for reason in &decision.reasons {
         table.add_row([reason.what, &reason.choice, &reason.why]);
     }
+    let tree = geometry.quality();
     super::print(&format!(
-        "{} on {}: {} triangles, {} nodes, a stack of up to {} entries\n\n{}",
+        "{} on {}: {} triangles\ntree {}: {} nodes, {} leaves of up to {} triangles, {} references beyond one a triangle; depth \
+         {}, a stack of up to {} entries, SAH cost {:.1}; built in {:.0} ms\n\n{}",
         scene.path,
         adapter.name,
-        geometry.triangles.len(),
-        geometry.tree.nodes.len(),
-        geometry.stack_bound,
+        tree.references - tree.duplicates,
+        geometry.builder,
+        tree.nodes,
+        tree.leaves,
+        tree.largest_leaf,
+        tree.duplicates,
+        tree.depth,
+        tree.stack_bound,
+        tree.sah_cost,
+        geometry.build_ms,
         table.trim_fmt()
     ))?;
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)

@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
+use crate::bvh::quality::Quality;
 use crate::bvh::wide::WideTree;
 use crate::bvh::{self, Builder, Tree};
 use crate::error::{Error, Result};
@@ -21,6 +22,7 @@ pub struct Geometry {
     pub triangles: Vec<Triangle>,
     pub tree: Tree,
     wide: OnceLock<WideTree>,
+    quality: OnceLock<Quality>,
     /// By how much robust slabs grow boxes, device units.
     pub box_pad: f32,
     /// Entries that `stackN` can need.
@@ -31,6 +33,11 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// What can be said of the tree without tracing a ray.
+    pub fn quality(&self) -> &Quality {
+        self.quality.get_or_init(|| Quality::of(&self.tree))
+    }
+
     /// Places the scene (`conditioned`: moved and scaled; otherwise in the file's units) and builds the
     /// tree. `progress` hears of the part of the tree that is built, from any thread.
     pub fn build(
@@ -72,6 +79,7 @@ impl Geometry {
             triangles,
             tree,
             wide: OnceLock::new(),
+            quality: OnceLock::new(),
             build_ms,
             without_area,
         })

@@ -11,7 +11,7 @@ use crate::render::work::RayWork;
 /// Columns of the CSV, in the order of the values of [`write_csv`].
 const COLUMNS: &str = "scene,scene_hash,triangles,view,preset,method,builder,passes,query,api,accessor,spp,frames,\
                        rays_per_frame,subset,gpu_ms_median,gpu_ms_low,gpu_ms_high,first_frame_ms,traversal_ms,\
-                       mrays_per_s,max_stack,overflowed_rays,mismatched_pixels,build_ms,bvh_bytes,registers,stack_bytes,\
+                       mrays_per_s,max_stack,overflowed_rays,mismatched_pixels,build_ms,sah_cost,duplicates,bvh_bytes,registers,stack_bytes,\
                        closest_visits,closest_tests,closest_lanes,any_visits,any_tests,any_lanes";
 
 /// Writes a line of names and a line a row; what a row does not have is empty.
@@ -49,6 +49,8 @@ pub fn write_csv(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
             row.overflowed_rays.to_string(),
             shown(row.mismatched_pixels),
             row.build_ms.to_string(),
+            row.tree.sah_cost.to_string(),
+            row.tree.duplicates.to_string(),
             row.bvh_bytes.to_string(),
             shown(row.registers),
             shown(row.stack_bytes),
@@ -99,6 +101,7 @@ pub fn table(rows: &[&Row]) -> String {
     });
     column("differ", &|row| shown(row.mismatched_pixels));
     column("build ms", &|row| digits(row.build_ms));
+    column("SAH", &|row| digits(row.tree.sah_cost));
     column("nodes MB", &|row| digits(row.bvh_bytes as f64 * 1e-6));
     column("regs", &|row| shown(row.registers));
     let work = |work: &Option<RayWork>| {

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::manifest::Manifest;
+use crate::bvh::quality::Quality;
 use crate::render::execute::Outcome;
 use crate::render::picture::rmse_estimate;
 use crate::render::plan::Plan;
@@ -30,6 +31,7 @@ pub struct RenderRecord {
     pub preset: &'static str,
     pub method: String,
     pub builder: &'static str,
+    pub tree: Quality,
     pub passes: &'static str,
     pub sampler: &'static str,
     pub accumulator: &'static str,
@@ -84,6 +86,7 @@ impl RenderRecord {
             preset: settings.preset.name(),
             method: settings.method.to_string(),
             builder: settings.builder.name(),
+            tree: *plan.geometry.quality(),
             passes: settings.passes.name(),
             sampler: settings.sampler.name(),
             accumulator: settings.accumulator.name(),

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::bvh::Builder;
+use crate::bvh::quality::Quality;
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::work::RayWork;
@@ -151,6 +152,7 @@ pub struct Row {
     /// are others.
     pub mismatched_pixels: Option<u64>,
     pub build_ms: f64,
+    pub tree: Quality,
     /// Bytes of the nodes on the device.
     pub bvh_bytes: u64,
     /// Of the kernel that traces ambient rays (or the list); `None` where the driver does not tell.

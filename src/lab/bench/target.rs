@@ -70,6 +70,7 @@ pub fn blank_row(case: &Case<'_>, spec: &Spec, plan: &Plan<'_>, order: usize) ->
         overflowed_rays: 0,
         mismatched_pixels: None,
         build_ms: plan.geometry.build_ms,
+        tree: *plan.geometry.quality(),
         bvh_bytes: 0,
         registers: None,
         stack_bytes: None,

@@ -94,7 +94,7 @@ fn spatial_splits_lose_no_hit() {
         let triangles = hall(70 + seed, 100 + 100 * seed as usize);
         let plain = Scene::of(triangles.clone());
         let tree = build(Builder::Sbvh, &triangles, &|_| ());
-        duplicates += Quality::of(&tree, &triangles).duplicates;
+        duplicates += Quality::of(&tree).duplicates;
         let scene = Scene::with(&tree, &triangles);
         let wrong = differences(&scene, &plain, &triangles, 71 + seed, 4000);
         assert!(wrong.is_empty(), "{} such as {}", wrong.len(), wrong[0]);
