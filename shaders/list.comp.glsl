@@ -28,7 +28,8 @@ void main() {
     bool listed_too = false;
     if (pixel < range.pixel_end && inside_image(pixel_position(pixel)) && camera_ray_hit(pixel)) {
         first = first_open_sample(pixel);
-        listed_too = first < range.sample_end;
+        // A pixel that lags behind is taken up again when the others are through.
+        listed_too = range.sample_begin <= first && first < range.sample_end;
     }
     if (lane < 2u) group_mask[lane] = 0u;
     barrier();

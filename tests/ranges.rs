@@ -4,9 +4,10 @@ mod common;
 
 use common::{geometry, job, plan, run, scene_named, scene_of, with_device};
 use cousu::layout::Count;
-use cousu::render::choices::{Method, Preset, Wishes};
+use cousu::render::choices::{Method, Passes, Preset, Wishes};
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
+use cousu::render::seeds::hash;
 
 fn counts(accumulated: &Accumulated) -> &[Count] {
     match accumulated {
@@ -93,6 +94,51 @@ fn brute_force_in_parts_of_the_triangles() {
         let (brute, tree) = (render(Method::Brute), render(Method::Threaded));
         assert!(brute.accumulated == tree.accumulated);
         assert_eq!((brute.primary_rays, brute.ambient_rays), (tree.primary_rays, tree.ambient_rays));
+    });
+}
+
+/// A floor under crossing slivers, whose boxes all overlap: a ray visits nearly every leaf, so that a block of samples
+/// runs into the driver's loop limit in some pixels and not in others. A pixel that lags behind after one block must not
+/// be taken for one that keeps up in the next.
+#[test]
+fn a_pixel_that_lags_behind_misses_no_sample_of_a_later_block() {
+    let number =
+        |i: u32, low: f64, high: f64| low + (high - low) * f64::from(hash(i, 1)) / f64::from(u32::MAX);
+    let mut text = String::from("v -20 0 -20\nv 20 0 -20\nv 0 0 30\nf 1 2 3\n");
+    for i in 0..3000 {
+        let at = |k: u32, low, high| number(6 * i + k, low, high);
+        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let (ax, ay, az) = (at(0, -10.0, -9.0), at(1, 1.0, 2.0), side * at(2, -10.0, -9.0));
+        let (bx, by, bz) = (at(3, 9.0, 10.0), at(4, 9.0, 10.0), side * at(5, 9.0, 10.0));
+        text += &format!("v {ax} {ay} {az}\nv {bx} {by} {bz}\nv {} {by} {bz}\nf -3 -2 -1\n", bx + 0.003);
+    }
+    let scene = scene_of(&text);
+    let geometry = geometry(&scene, Preset::Auto);
+    let camera = cousu::scene::camera::Camera::Pinhole {
+        eye: [0.0, 3.0, 14.0],
+        target: [0.0, 2.0, 0.0],
+        up: [0.0, 1.0, 0.0],
+        fov: 45.0,
+    };
+    with_device(|device| {
+        let mut first = None;
+        for passes in [Passes::Staged, Passes::Split, Passes::Single] {
+            for method in [Method::Wide, Method::Ordered] {
+                let wishes = Wishes { method: Some(method), passes: Some(passes), ..Wishes::default() };
+                let job = Job { camera, block: Some(73), ..job(&scene, (8, 8), 0..219) };
+                let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
+                if device.adapter().limits.loop_iterations.is_some() && passes != Passes::Staged {
+                    assert!(
+                        outcome.repeats > 0,
+                        "{method} {passes}: the limit was not met, this proves nothing"
+                    );
+                }
+                match &first {
+                    None => first = Some(outcome.accumulated),
+                    Some(first) => assert!(*first == outcome.accumulated, "{method} {passes}"),
+                }
+            }
+        }
     });
 }
 

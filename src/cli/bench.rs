@@ -17,7 +17,7 @@ use crate::lab::bench::table1::{self, TableRow, table1};
 use crate::lab::bench::{Bench, Options, RayKind, Subject, View, Watch};
 use crate::render::choices::{Method, Passes};
 use crate::render::geometry::Geometry;
-use crate::report::atomic::{Output, folder};
+use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::bench as shown;
 use crate::report::manifest::Manifest;
 use crate::scene::camera::Camera;
@@ -117,7 +117,7 @@ const STEADY: f64 = 1.05;
 pub fn run(arguments: &Arguments) -> Result<()> {
     let options = options(arguments)?;
     let scenes = scenes(arguments)?;
-    let places = places(arguments)?;
+    let places = places(arguments, &scenes)?;
     let device = session::open(&arguments.device)?;
     let bench = Bench::new(&device, &options)?;
     let mut run = Run {
@@ -146,6 +146,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             Ok(subject) => subject,
             Err(error) => {
                 run.note(&format!("{name} is left out: {error}"));
+                run.record.failed.push(Failure::of_scene(name, &error));
                 run.first_error.get_or_insert(error);
                 continue;
             }
@@ -243,7 +244,7 @@ struct Places {
     csv: Vec<PathBuf>,
 }
 
-fn places(arguments: &Arguments) -> Result<Places> {
+fn places(arguments: &Arguments, scenes: &[String]) -> Result<Places> {
     let mut places = Places {
         json: arguments.json.iter().cloned().collect(),
         csv: arguments.csv.iter().cloned().collect(),
@@ -253,7 +254,16 @@ fn places(arguments: &Arguments) -> Result<Places> {
         places.json.push(path.join("bench.json"));
         places.csv.push(path.join("bench.csv"));
     }
-    for path in places.json.iter().chain(&places.csv) {
+    let results: Vec<&Path> = places.json.iter().chain(&places.csv).map(PathBuf::as_path).collect();
+    if results.contains(&Path::new("-")) {
+        return Err(Error::usage(
+            "bench saves each row into its files as soon as it is measured: name a file instead of -.",
+        ));
+    }
+    let inputs: Vec<&Path> =
+        scenes.iter().map(Path::new).chain([arguments.rays.as_path()]).filter(|path| path.exists()).collect();
+    refuse_overwriting(&results, &inputs)?;
+    for path in results {
         Output::claim(path)?;
     }
     Ok(places)

@@ -11,8 +11,10 @@ use serde_json::{Map, Value};
 use super::args::size;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
-use crate::lab::claims::{EXPERIMENTS, Evidence, Experiment, Figure, Lab, Ratio, Verdict, usual_size};
-use crate::report::atomic::{Output, folder};
+use crate::lab::claims::{
+    EXPERIMENTS, Evidence, Experiment, FIGURES, Figure, Lab, Ratio, Verdict, usual_size,
+};
+use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::png::{self, Encoding};
 
@@ -153,7 +155,14 @@ impl Outputs<'_> {
         if let Some(path) = self.folder {
             folder(path)?;
         }
-        self.tables().try_for_each(|path| Output::claim(&path).map(drop))
+        let tables: Vec<PathBuf> = self.tables().collect();
+        let pictures: Vec<PathBuf> = match self.folder {
+            Some(folder) => FIGURES.iter().map(|name| folder.join(format!("{name}.png"))).collect(),
+            None => Vec::new(),
+        };
+        let all: Vec<&Path> = tables.iter().chain(&pictures).map(PathBuf::as_path).collect();
+        refuse_overwriting(&all, &[])?;
+        tables.iter().try_for_each(|path| Output::claim(path).map(drop))
     }
 
     fn write(&self, record: &Record) -> Result<()> {

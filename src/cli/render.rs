@@ -227,6 +227,11 @@ fn write_heatmap(output: Output, device: &Device, plan: &Plan<'_>, manifest: &Ma
             device.adapter().name
         )));
     };
+    if work.repeats > 0 {
+        super::tell(
+            "The map counts some rays twice: the driver left loops early, and they were traced again from their start.",
+        );
+    }
     let map = heatmap::draw(&work, plan.tiles, samples);
     output.write(|mut out| png::write_rgb(&map, Encoding::Srgb, manifest, &mut out))
 }

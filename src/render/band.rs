@@ -50,7 +50,7 @@ struct Flight<'a> {
 /// Submits that may be under way at once: the host prepares one while the device works on the other.
 const IN_FLIGHT: usize = 2;
 /// Samples of a dispatch that takes up pixels again.
-const REPEAT_BLOCK: u32 = 1 << 16;
+const REPEAT_BLOCK: u32 = 1 << 15;
 
 impl<'a> Band<'a> {
     pub fn new(stage: &'a Stage<'a>, begin: u32, end: u32) -> Result<Self> {

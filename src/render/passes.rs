@@ -89,6 +89,7 @@ impl Buffers {
     /// Has the camera rays traced again with the next samples, as after a move of the camera.
     pub fn forget_hits(&self) {
         self.hits_known.set(false);
+        self.listed.set(None);
     }
 
     /// Bindings of the steps; the second list is for the step that answers ambient rays.
@@ -273,7 +274,9 @@ impl<'a> Recorder<'a> {
             let samples = range.sample_end - range.sample_begin;
             (range.pixel_begin, range.pixel_end, samples.div_ceil(range.block))
         };
-        if self.begins.is_some() && self.buffers.listed.get().as_ref().map(key) == Some(key(range)) {
+        // With later samples of the same go a pixel may lag behind, whose rays did not come to their end.
+        let first = self.begins == Some(range.sample_begin);
+        if first && self.buffers.listed.get().as_ref().map(key) == Some(key(range)) {
             return;
         }
         batch.barrier(&[

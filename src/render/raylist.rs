@@ -105,26 +105,40 @@ impl<'a> RayLists<'a> {
 
     /// The camera ray of each pixel number; beyond the image, rays that meet nothing.
     pub fn camera_rays(&self) -> Result<Vec<RayRecord>> {
-        let pixels = self.plan.tiles.padded_pixels();
-        let bytes = pixels * size_of::<RayRecord>() as u64;
-        let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes)?;
+        let pixels = self.plan.tiles.padded_pixels() as u32;
         let unused = Buffer::new(self.device, "no hits", BufferUse::Storage, 16)?;
-        self.dispatch("rays/camera", &rays, &unused, range_of(self.plan, pixels as u32, 0, STAGE_CLOSEST))?;
-        Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
+        let mut all = Vec::with_capacity(pixels as usize);
+        for begin in (0..pixels).step_by(MOST_RAYS) {
+            let range = self.piece(begin, (pixels - begin).min(MOST_RAYS as u32), 0, STAGE_CLOSEST);
+            all.extend(self.made_rays("rays/camera", &unused, range)?);
+        }
+        Ok(all)
     }
 
     /// The ambient ray of one sample (`pcg`) of each pixel number, given what the camera rays hit; rays
     /// that meet nothing where they missed.
     pub fn ambient_rays(&self, hits: &[HitRecord], sample: u32) -> Result<Vec<RayRecord>> {
-        let bytes = size_of_val(hits) / size_of::<HitRecord>() * size_of::<RayRecord>();
-        let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes as u64)?;
-        let hit = Buffer::with_content(self.device, "hits", BufferUse::Storage, bytemuck::cast_slice(hits))?;
-        self.dispatch(
-            "rays/ambient",
-            &rays,
-            &hit,
-            range_of(self.plan, hits.len() as u32, sample, STAGE_ANY),
-        )?;
+        let mut all = Vec::with_capacity(hits.len());
+        for (place, piece) in hits.chunks(MOST_RAYS).enumerate() {
+            let hit =
+                Buffer::with_content(self.device, "hits", BufferUse::Storage, bytemuck::cast_slice(piece))?;
+            let begin = (place * MOST_RAYS) as u32;
+            let range = self.piece(begin, piece.len() as u32, sample, STAGE_ANY);
+            all.extend(self.made_rays("rays/ambient", &hit, range)?);
+        }
+        Ok(all)
+    }
+
+    /// The range of `count` pixels, whose buffers begin with the first of them.
+    fn piece(&self, begin: u32, count: u32, sample: u32, stage: u32) -> Range {
+        let range = range_of(self.plan, count, sample, stage);
+        Range { pixel_begin: begin, pixel_end: begin + count, pixel_base: begin, ..range }
+    }
+
+    fn made_rays(&self, kernel: &str, hits: &Buffer, range: Range) -> Result<Vec<RayRecord>> {
+        let bytes = u64::from(range.pixel_end - range.pixel_begin) * size_of::<RayRecord>() as u64;
+        let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes)?;
+        self.dispatch(kernel, &rays, hits, range)?;
         Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
     }
 

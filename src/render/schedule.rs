@@ -131,7 +131,8 @@ impl Scheduler {
 
     /// Overrides the number of samples of a dispatch.
     pub fn with_block(mut self, block: u32) -> Self {
-        self.block = block.max(1);
+        let room = self.work.room.map_or(u64::MAX, |room| room / u64::from(WORKGROUP_SIZE));
+        self.block = block.min(u32::try_from(room).unwrap_or(u32::MAX)).max(1);
         self
     }
 

@@ -32,6 +32,32 @@ pub fn folder(path: &Path) -> Result<()> {
     })
 }
 
+/// Refuses results that would be written over each other or over what is read.
+pub fn refuse_overwriting(results: &[&Path], inputs: &[&Path]) -> Result<()> {
+    let place = |path: &Path| -> PathBuf {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        fs::canonicalize(path)
+            .or_else(|_| {
+                Ok::<_, io::Error>(fs::canonicalize(folder)?.join(path.file_name().unwrap_or_default()))
+            })
+            .unwrap_or_else(|_| path.to_path_buf())
+    };
+    // Devices and pipes take any number of results.
+    let files = |path: &&&Path| fs::metadata(path).map_or(true, |found| found.is_file());
+    let mut taken: Vec<PathBuf> = inputs.iter().map(|path| place(path)).collect();
+    for result in results.iter().filter(files) {
+        let path = place(result);
+        if taken.contains(&path) {
+            return Err(Error::usage(format!(
+                "{} would be written over: give what is read and each result names of their own.",
+                result.display()
+            )));
+        }
+        taken.push(path);
+    }
+    Ok(())
+}
+
 /// What results are written to.
 pub trait WriteSeek: Write + Seek {}
 impl<T: Write + Seek> WriteSeek for T {}

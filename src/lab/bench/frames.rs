@@ -207,7 +207,7 @@ impl View<'_> {
             })?;
             told.first_frame_ms = median.map(|ms| ms / first_share);
         }
-        told.traversal_ms = self.traversal_ms(spec, plan, &row.spans).map(|ms| ms / first_share);
+        told.traversal_ms = self.traversal_ms(spec, plan, &row.spans, first_share);
         [told.closest, told.any] =
             self.costs(spec, plan, elements_in(&row.spans)).map_or([None; 2], |costs| costs.map(Some));
         if let Some(statistics) = traversal_statistics(self.bench.device, plan)? {
@@ -217,12 +217,13 @@ impl View<'_> {
         Ok(told)
     }
 
-    /// Time that the row's method spends on the hits of a frame, camera rays included, over these spans.
-    fn traversal_ms(&self, spec: &Spec, plan: &Plan<'_>, spans: &[(u32, u32)]) -> Option<f64> {
+    /// Time that the row's method spends on the hits of a whole frame, camera rays included, from these spans, which
+    /// hold so much of its rays.
+    fn traversal_ms(&self, spec: &Spec, plan: &Plan<'_>, spans: &[(u32, u32)], share: f64) -> Option<f64> {
         let staged = Spec { passes: Passes::Staged, ..*spec };
         let known = self.traversals.borrow().iter().find(|(known, _)| *known == staged).map(|(_, ms)| *ms);
         known.unwrap_or_else(|| {
-            let ms = self.time_traversal(&staged, plan, spans).ok().flatten();
+            let ms = self.time_traversal(&staged, plan, spans).ok().flatten().map(|ms| ms / share);
             self.traversals.borrow_mut().push((staged, ms));
             ms
         })

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::bvh::Builder;
 use crate::bvh::quality::Quality;
+use crate::error::Error;
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::work::RayWork;
@@ -174,6 +175,15 @@ pub struct Failure {
     pub builder: &'static str,
     pub passes: &'static str,
     pub reason: String,
+}
+
+impl Failure {
+    /// A scene that could not be had at all: no view and no choices are named.
+    pub fn of_scene(scene: &str, error: &Error) -> Self {
+        let (view, method) = (String::new(), String::new());
+        let reason = error.to_string();
+        Self { scene: scene.into(), view, preset: "", method, builder: "", passes: "", reason }
+    }
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ pub struct Effort {
 impl Effort {
     /// A row that is worth reporting.
     pub const FULL: Self =
-        Self { frames: None, most: 30, enough_ms: 3000.0, fewest: 3, warm_up: 2, longest_ms: 10_000.0 };
+        Self { frames: None, most: 30, enough_ms: 3000.0, fewest: 6, warm_up: 2, longest_ms: 10_000.0 };
     /// A first look.
     pub const QUICK: Self = Self { most: 8, enough_ms: 150.0, longest_ms: 1000.0, ..Self::FULL };
 

@@ -116,7 +116,7 @@ pub struct Series {
 const PAIRS: (usize, f64) = (30, 12.0);
 const QUICK_PAIRS: (usize, f64) = (6, 0.8);
 /// Pairs at least.
-const FEWEST: usize = 3;
+const FEWEST: usize = 6;
 /// Where frames are short there are more of them, for this long.
 const LEAST_S: f64 = 0.5;
 const MOST_PAIRS: usize = 200;

@@ -134,6 +134,9 @@ pub struct Experiment {
     run: fn(&Lab<'_>) -> Result<Evidence>,
 }
 
+/// Names of the pictures that experiments give.
+pub const FIGURES: [&str; 2] = ["ghosts", "misaligned"];
+
 /// Every statement, in the order of the report.
 pub const EXPERIMENTS: &[Experiment] = &[
     Experiment {

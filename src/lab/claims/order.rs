@@ -54,7 +54,7 @@ pub fn single_push(lab: &Lab<'_>) -> Result<Evidence> {
     }
     let times: Vec<String> = ratios.iter().map(ToString::to_string).collect();
     let measured = format!(
-        "entries that single-push can need of those that stackN can: {}; entries used: {}; time of {}",
+        "entries that single-push can need of those that stackN can: {}; entries used (one fewer than stackN, whose nodes it visits in the same order): {}; time of {}",
         listed(&bounds),
         listed(&used),
         listed(&times)

@@ -1,7 +1,7 @@
 //! Records whose host side lies otherwise than the shader reads it.
 
 use super::scenes::method;
-use super::{Evidence, Figure, Lab, Verdict};
+use super::{Evidence, FIGURES, Figure, Lab, Verdict};
 use crate::bvh::Builder;
 use crate::error::Result;
 use crate::layout::{HitRecord, NO_HIT, Triangle};
@@ -72,7 +72,7 @@ pub fn misaligned(lab: &Lab<'_>) -> Result<Evidence> {
         .number("lost", lost)
         .number("others", other)
         .number("out_of_nothing", out_of_nothing)
-        .figure(Figure::beside("misaligned", lab.size, &panels)))
+        .figure(Figure::beside(FIGURES[1], lab.size, &panels)))
 }
 
 fn differs(right: &HitRecord, wrong: &HitRecord) -> bool {

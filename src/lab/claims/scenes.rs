@@ -5,7 +5,7 @@ use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::layout::FRAME_SAMPLES;
 use crate::render::auto;
-use crate::render::choices::{Method, Preset, Wishes};
+use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
 use crate::scene::camera::Camera;
@@ -103,7 +103,13 @@ impl Lab<'_> {
 
 /// The preset with this method.
 pub fn method(preset: Preset, method: Method) -> Wishes {
-    Wishes { preset: Some(preset), method: Some(method), ..Wishes::default() }
+    Wishes {
+        preset: Some(preset),
+        method: Some(method),
+        // What `auto` would choose by method and device would be compared as well.
+        passes: Some(Passes::Single),
+        ..Wishes::default()
+    }
 }
 
 #[cfg(test)]
