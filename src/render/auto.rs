@@ -40,10 +40,9 @@ pub struct Decision {
     pub reasons: Vec<Reason>,
 }
 
-/// Up to this many triangles testing all of them is no slower than a tree (measured on boxes of 8, 16 and more
-/// triangles: on an H100 the tree wins from 8 on, on Mesa's software device after 8).
+/// Up to this many triangles all of them are tested: a tree wins from 8 on (measured on boxes of 8, 16 and more
+/// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
-const BRUTE_UP_TO_ON_CPU: usize = 8;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured: 1.3 times the rate of
 /// `postponed` with 32 triangles on an H100, 0.85 times with 5,456).
 const WIDE_UP_TO: usize = 256;
@@ -135,7 +134,6 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
 fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
     let on_cpu = adapter.kind == DeviceKind::Cpu;
-    let few = if on_cpu { BRUTE_UP_TO_ON_CPU } else { BRUTE_UP_TO };
     let votes =
         find_kernel("ambient/postponed/count/ssbo").and_then(|kernel| check_subgroup(kernel, adapter));
     if triangles <= few {
