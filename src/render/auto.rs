@@ -136,9 +136,8 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     let votes =
         find_kernel("ambient/postponed/count/ssbo").and_then(|kernel| check_subgroup(kernel, adapter));
-    if triangles <= few {
-        let why =
-            format!("{triangles} triangles, at most {few}: a tree would not pay on this kind of device");
+    if triangles <= BRUTE_UP_TO {
+        let why = format!("{triangles} triangles, at most {BRUTE_UP_TO}: a tree would not pay");
         (Method::Brute, why)
     } else if on_cpu {
         (Method::Wide, "a CPU device is fastest with few, large nodes".into())
