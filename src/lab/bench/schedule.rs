@@ -206,7 +206,7 @@ mod tests {
         })
         .unwrap();
         ended.sort_by(|a, b| a.0.total_cmp(&b.0));
-        assert_eq!(ended, [(1.0, Some(30)), (3.0, None), (250.0, Some(12)), (2000.0, Some(3))]);
+        assert_eq!(ended, [(1.0, Some(30)), (3.0, None), (250.0, Some(12)), (2000.0, Some(6))]);
         assert_eq!(rounds, 30);
     }
 
@@ -257,8 +257,8 @@ mod tests {
         };
         let whole_ms = |ms: f64| ms / f64::from(elements);
         assert_eq!(fits(whole_ms(100.0)), 1.0);
-        assert_eq!(fits(whole_ms(1999.0)), 1.0);
-        assert!((fits(whole_ms(20_000.0)) - 0.1).abs() < 0.01);
+        assert_eq!(fits(whole_ms(1240.0)), 1.0);
+        assert!((fits(whole_ms(20_000.0)) - 0.0625).abs() < 0.01);
         assert!((fits(whole_ms(1e7)) - 32.0 / 10_240.0).abs() < 1e-6, "never less than the smallest part");
     }
 
@@ -276,7 +276,7 @@ mod tests {
             .unwrap()
         };
         assert_eq!(fits(1000.0), 1.0);
-        assert!((fits(4000.0) - 0.5).abs() < 0.05);
+        assert!((fits(2000.0) - 0.625).abs() < 0.05);
         assert!((fits(1e6) - f64::from(width.at_once) / f64::from(elements)).abs() < 1e-6);
         assert_eq!(spans(elements, 0.4, width).len(), 1);
     }
