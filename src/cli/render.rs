@@ -15,7 +15,7 @@ use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::spans::Spans;
 use crate::render::work::count_work;
-use crate::report::atomic::Output;
+use crate::report::atomic::{Output, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::png::Encoding;
 use crate::report::record::RenderRecord;
@@ -105,21 +105,10 @@ impl Outputs {
         };
         let trace = arguments.trace.as_deref().map(Output::claim).transpose()?;
         let heatmap = arguments.heatmap.as_deref().map(Output::claim).transpose()?;
-        let places = [
-            picture.as_ref().map(|(_, output)| output.path().to_path_buf()),
-            json.as_ref().map(|output| output.path().to_path_buf()),
-            trace.as_ref().map(|output| output.path().to_path_buf()),
-            heatmap.as_ref().map(|output| output.path().to_path_buf()),
-            std::fs::canonicalize(&arguments.scene).ok(),
-        ];
-        for (place, path) in places.iter().enumerate().filter(|(_, path)| path.is_some()) {
-            if places[..place].contains(path) {
-                return Err(Error::usage(format!(
-                    "{} would be written over: give scene, picture and the other results different names.",
-                    path.as_deref().unwrap_or(Path::new("")).display()
-                )));
-            }
-        }
+        let claimed =
+            [picture.as_ref().map(|(_, output)| output), json.as_ref(), trace.as_ref(), heatmap.as_ref()];
+        let results: Vec<&Path> = claimed.into_iter().flatten().map(Output::path).collect();
+        refuse_overwriting(&results, &[&arguments.scene])?;
         Ok(Self { picture, json, json_to_stdout, trace, heatmap })
     }
 
