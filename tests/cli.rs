@@ -208,11 +208,15 @@ fn places_that_cannot_be_written_leave_nothing_behind() {
     let scene = path(folder.path(), "scene.png");
     fs::copy(CORNELL, &scene).unwrap();
     fails(&["render", &scene, "--size", "8x8", "-o", &scene], 2, "written over");
+    fails(&["bench", &scene, "--quick", "--csv", &scene], 2, "written over");
     assert!(fs::read(&scene).unwrap() == fs::read(CORNELL).unwrap());
     fs::remove_file(&scene).unwrap();
     let same = path(folder.path(), "same.png");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--json", &same], 2, "written over");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--trace", &same], 2, "written over");
+    fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--heatmap", &same], 2, "written over");
+    fails(&["bench", CORNELL, "--quick", "--json", &same, "--csv", &same], 2, "written over");
+    fails(&["bench", CORNELL, "--quick", "--json", "-"], 2, "name a file");
     fails(&["render", CORNELL, "--size", "8x8", "--trace", &nowhere], 1, "folder does not exist");
     let kept = path(folder.path(), "kept.png");
     fs::write(&kept, "old").unwrap();
