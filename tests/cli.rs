@@ -215,6 +215,8 @@ fn places_that_cannot_be_written_leave_nothing_behind() {
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--json", &same], 2, "written over");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--trace", &same], 2, "written over");
     fails(&["render", CORNELL, "--size", "8x8", "-o", &same, "--heatmap", &same], 2, "written over");
+    let map = path(folder.path(), "map.exr");
+    fails(&["render", CORNELL, "--size", "8x8", "--heatmap", &map], 2, "does not end in .png");
     fails(&["bench", CORNELL, "--quick", "--json", &same, "--csv", &same], 2, "written over");
     fails(&["bench", CORNELL, "--quick", "--json", "-"], 2, "name a file");
     fails(&["render", CORNELL, "--size", "8x8", "--trace", &nowhere], 1, "folder does not exist");

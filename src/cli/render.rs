@@ -104,6 +104,11 @@ impl Outputs {
             _ => None,
         };
         let trace = arguments.trace.as_deref().map(Output::claim).transpose()?;
+        if let Some(path) = &arguments.heatmap
+            && !matches!(format_of(path), Ok(Format::Png))
+        {
+            return Err(Error::usage(format!("{} does not end in .png: the map is a PNG.", path.display())));
+        }
         let heatmap = arguments.heatmap.as_deref().map(Output::claim).transpose()?;
         let claimed =
             [picture.as_ref().map(|(_, output)| output), json.as_ref(), trace.as_ref(), heatmap.as_ref()];
