@@ -66,7 +66,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     if (more) {
         sample_next++;
         lcg_before = lcg_state;
-        vec2 u = sample_numbers(pixel, id, lcg_state);
+        vec2 u = sample_numbers(pixel, id, range.set_end, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }

@@ -44,7 +44,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     bool more = sample_next < sample_end;
     if (more) {
         sample_next++;
-        vec2 u = sample_numbers(pixel, id, lcg_state);
+        vec2 u = sample_numbers(pixel, id, range.set_end, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }

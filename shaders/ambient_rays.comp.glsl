@@ -38,7 +38,7 @@ void main() {
             if (SAMPLER == SAMPLER_LCG) {
                 lcg_state = lcg_jump(seeds[entry.pixel - range.pixel_base], 2u * gl_WorkGroupID.z);
             }
-            vec2 u = sample_numbers(entry.pixel, id, lcg_state);
+            vec2 u = sample_numbers(entry.pixel, id, range.set_end, lcg_state);
             Surface surface = kept_surface(entry.pixel);
             Ray ray = ambient_ray(surface, u);
             float weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;

@@ -54,6 +54,6 @@ void main() {
     if (listed_too) {
         uint before = bitCount(group_mask[lane >> 5] & ((1u << (lane & 31u)) - 1u));
         uint place = group_begin + (lane < 32u ? 0u : low) + before;
-        listed[place] = Listed(pixel, first - range.sample_begin, 0u, 0u);
+        listed[place] = Listed(pixel, first - range.sample_begin, range.sample_end, 0u);
     }
 }

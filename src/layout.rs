@@ -175,9 +175,11 @@ records! {
         box_pad: float,
         /// The first sample of the render: counts hold those from here on.
         sample_base: uint,
+        /// Camera rays of a pixel: number p + j `pixels` is ray j of pixel p.
+        jitters: uint,
+        /// Pixel numbers of the picture, those beyond its edges included.
+        pixels: uint,
         pad0: uint,
-        pad1: uint,
-        pad2: uint,
     }
     /// The work of one dispatch (push constants): pixels x samples x triangles.
     Range {
@@ -195,16 +197,18 @@ records! {
         block: uint,
         /// How far the elements of two blocks of one pixel are apart in the buffers that hold them.
         stride: uint,
-        pad0: uint,
-        pad1: uint,
+        /// Samples from here to `set_end` are one set of strata (`SAMPLER_STRATA`).
+        set_begin: uint,
+        set_end: uint,
     }
     /// A pixel of the list of those whose camera ray hit and that have samples to do.
     Listed {
         pixel: uint,
         /// Samples of the range that are done already.
         skip: uint,
+        /// Its samples end here, those of the range or fewer.
+        end: uint,
         pad0: uint,
-        pad1: uint,
     }
     /// How long the list is, and the workgroups of the indirect dispatches over it: each block of samples, and
     /// each pixel.
@@ -309,6 +313,7 @@ constants! {
     BINDING_ARGUMENTS = 13;
     BINDING_PARTIALS = 14;
     BINDING_ANSWERS = 15;
+    BINDING_BUDGETS = 16;
 
     /// Specialization constants.
     SPEC_STACK_SIZE = 0;
@@ -317,10 +322,23 @@ constants! {
     SPEC_ROBUST_SLABS = 3;
     SPEC_LEAF_SIZE = 4;
     SPEC_STACK_ROOM = 5;
+    /// Normals face the camera.
+    SPEC_FACING = 6;
+    /// Random numbers begin again after so many samples; 0: never.
+    SPEC_REPEAT = 7;
+    /// A pixel has several camera rays.
+    SPEC_JITTERED = 8;
+    /// Ambient rays start some ulps off their surface, not `Frame::offset`.
+    SPEC_ULP_OFFSET = 9;
+    /// Each pixel has its own number of samples.
+    SPEC_BUDGETS = 10;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;
     SAMPLER_PCG = 1;
+    SAMPLER_SOBOL = 2;
+    SAMPLER_STRATA = 3;
+    SAMPLER_PHILOX = 4;
 
     /// Values of `Range::stage`: closest hit and ambient rays, or one of them.
     STAGE_BOTH = 0;
@@ -358,6 +376,8 @@ constants! {
     NO_HIT = 0xffff_ffff;
     /// No answer: the ray did not come to its end.
     UNFINISHED = 0xffff_fffe;
+    /// In `Count::escaped0` of a pixel that traced nothing: its camera ray hits nothing either.
+    MISSED = 0xffff_ffff;
 }
 
 const _: () = {

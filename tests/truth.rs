@@ -5,14 +5,14 @@ mod common;
 use common::{
     every_traversal, geometry, job, plan, plan_decided, run, scene_from, scene_named, scene_of, with_device,
 };
-use cousu::layout::{Count, HitRecord, RayRecord, SAMPLER_LCG, SAMPLER_PCG};
+use cousu::layout::{Count, HitRecord, RayRecord};
 use cousu::pack::NodeArrays;
 use cousu::reference::exact::Truth;
 use cousu::reference::{self, Choices, Inputs, Traversal};
-use cousu::render::choices::{Accumulator, Method, Preset, Sampler, Slabs, Wishes};
+use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Slabs, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
-use cousu::render::plan::{Job, Plan};
+use cousu::render::plan::{Job, Plan, sampler_code};
 use cousu::render::raylist::{Query, RayLists};
 use cousu::render::seeds::{hash, lcg_seeds};
 use cousu::scene::camera::Camera;
@@ -195,9 +195,11 @@ impl Twin {
                     Method::Postponed => Traversal::Postponed,
                     Method::Wide => Traversal::Wide,
                 },
-                original: plan.settings.preset == Preset::Original,
+                original: plan.settings.preset.is_original(),
+                facing: plan.settings.preset != Preset::Original,
+                ulp_offset: plan.settings.offset == Offset::Ulp,
                 robust_slabs: plan.settings.slabs == Slabs::Robust,
-                sampler: if plan.settings.sampler == Sampler::Lcg { SAMPLER_LCG } else { SAMPLER_PCG },
+                sampler: sampler_code(plan.settings.sampler),
             },
         }
     }

@@ -12,6 +12,11 @@ CONSTANT(SPEC_SAMPLER, uint, SAMPLER, SAMPLER_PCG);
 // boxes tested over 0..1000 whatever was hit before, four rays even where a pixel hits nothing.
 CONSTANT(SPEC_ORIGINAL, bool, ORIGINAL, false);
 CONSTANT(SPEC_ROBUST_SLABS, bool, ROBUST_SLABS, true);
+CONSTANT(SPEC_FACING, bool, FACING, true);
+CONSTANT(SPEC_REPEAT, uint, REPEAT, 0);
+CONSTANT(SPEC_JITTERED, bool, JITTERED, false);
+CONSTANT(SPEC_ULP_OFFSET, bool, ULP_OFFSET, false);
+CONSTANT(SPEC_BUDGETS, bool, BUDGETS, false);
 
 #ifdef ACCESSOR_UNIFORM
 UNIFORM_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[3u * UNIFORM_TRIANGLES]; };

@@ -18,7 +18,7 @@ Surface surface_at(Ray ray, Hit hit) {
     precise vec3 ab = triangle.ab * scale;
     precise vec3 ac = triangle.ac * scale;
     vec3 normal = normalized(cross3(ab, ac));
-    if (!ORIGINAL && dot3(normal, ray.direction) > 0.0) {
+    if (FACING && dot3(normal, ray.direction) > 0.0) {
         normal = -normal;
     }
     Surface surface;
@@ -44,8 +44,10 @@ vec2 pcg_numbers(uint pixel, uint sample_index) {
     return unit_floats(pcg4d(uvec4(pixel, sample_index, 0u, frame.seed)).xy);
 }
 
-// The pair of random numbers of a sample. `lcg` steps the state it is given, `pcg` leaves it alone.
-vec2 sample_numbers(uint pixel, uint sample_index, inout uint lcg_state) {
+// The pair of random numbers of a sample. `lcg` steps the state it is given, the others leave it alone. Samples from
+// `range.set_begin` to `set_end` are one set of strata.
+vec2 sample_numbers(uint pixel, uint sample_index, uint set_end, inout uint lcg_state) {
+    if (REPEAT > 0u) sample_index %= REPEAT;
     if (SAMPLER == SAMPLER_LCG) {
         uint first = lcg_step(lcg_state);
         lcg_state = lcg_step(first);

@@ -87,7 +87,7 @@ impl CameraArguments {
         }
         let Some(eye) = self.eye else {
             return Ok(match preset {
-                Preset::Original => Camera::Orbit { rx: 0.0, ry: 180.0 },
+                Preset::Original | Preset::OriginalUnbiased => Camera::Orbit { rx: 0.0, ry: 180.0 },
                 Preset::Auto => Camera::default_for(&scene.path),
             });
         };

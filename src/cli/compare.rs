@@ -164,6 +164,8 @@ fn compare(
         samples: 0..4 * frames,
         seed: arguments.seed,
         max_distance: None,
+        jitters: 1,
+        adaptive: false,
         block: None,
     };
     let method = match form {

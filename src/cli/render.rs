@@ -172,6 +172,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         samples: 0..arguments.spp,
         seed: arguments.seed,
         max_distance: arguments.max_distance,
+        jitters: 1,
+        adaptive: false,
         block: None,
     };
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;

@@ -45,7 +45,7 @@ pub fn open(arguments: &DeviceArguments) -> Result<Device> {
 /// The scene as the device gets it, with the tree that the choices ask for.
 pub fn geometry(scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
     let meter = BuildMeter::new();
-    let conditioned = wishes.preset != Some(Preset::Original);
+    let conditioned = !wishes.preset.is_some_and(Preset::is_original);
     let builder = auto::choose_builder(wishes);
     let geometry = Geometry::build(scene, conditioned, builder, &|done| meter.observe(done))?;
     meter.finish();

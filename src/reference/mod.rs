@@ -56,6 +56,10 @@ pub struct Choices {
     pub robust_slabs: bool,
     /// One of the `SAMPLER_` constants of `layout`.
     pub sampler: u32,
+    /// Normals face the camera.
+    pub facing: bool,
+    /// Ambient rays start some ulps off their surface, not the frame's offset.
+    pub ulp_offset: bool,
 }
 
 /// Everything a kernel is given: packed arrays as on the device, all in scene units.
@@ -198,7 +202,7 @@ fn trace_ambient(
 ) {
     let surface = if work.hit { surface_at(inputs, primary_ray, primary_hit) } else { surface_nowhere() };
     for sample in samples.clone() {
-        let u = sample_numbers(inputs, pixel, sample, &mut work.lcg_state);
+        let u = sample_numbers(inputs, pixel, sample, samples, &mut work.lcg_state);
         let ray = ambient_ray(inputs, &surface, u);
         let original = inputs.choices.original;
         let weight = if original { original_weight(&surface, ray.direction, u) } else { 1.0 };

@@ -34,7 +34,7 @@ pub fn surface_at(inputs: &Inputs, ray: &Ray, hit: &Hit) -> Surface {
     let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
     let point = a + hit.u * ab + hit.v * ac;
     let mut normal = normal_of(triangle);
-    if !inputs.choices.original && dot3(normal, ray.direction) > 0.0 {
+    if inputs.choices.facing && dot3(normal, ray.direction) > 0.0 {
         normal = -normal;
     }
     let start = point + inputs.frame.offset * normal;
@@ -58,8 +58,16 @@ pub fn pcg_numbers(inputs: &Inputs, pixel: u32, sample: u32) -> Vec2 {
     unit_floats([x, y])
 }
 
-/// The pair of random numbers of a sample. `lcg` steps the state it is given, `pcg` leaves it alone.
-pub fn sample_numbers(inputs: &Inputs, pixel: u32, sample: u32, lcg_state: &mut u32) -> Vec2 {
+/// The pair of random numbers of a sample. `lcg` steps the state it is given, the others leave it alone. The samples of
+/// `set` are one set of strata.
+pub fn sample_numbers(
+    inputs: &Inputs,
+    pixel: u32,
+    sample: u32,
+    set: &std::ops::Range<u32>,
+    lcg_state: &mut u32,
+) -> Vec2 {
+    let _ = set;
     if inputs.choices.sampler == SAMPLER_LCG {
         let first = lcg_step(*lcg_state);
         *lcg_state = lcg_step(first);
@@ -129,10 +137,10 @@ mod tests {
         let mut inputs = scene.inputs();
         let mut state = 77;
         inputs.choices.sampler = SAMPLER_PCG;
-        let u = sample_numbers(&inputs, 3, 4, &mut state);
+        let u = sample_numbers(&inputs, 3, 4, &(0..8), &mut state);
         assert_eq!((u, state), (pcg_numbers(&inputs, 3, 4), 77));
         inputs.choices.sampler = SAMPLER_LCG;
-        let u = sample_numbers(&inputs, 3, 4, &mut state);
+        let u = sample_numbers(&inputs, 3, 4, &(0..8), &mut state);
         assert_eq!(state, lcg_step(lcg_step(77)));
         assert_eq!(u, Vec2::new(lcg_float(lcg_step(77)), lcg_float(state)));
     }

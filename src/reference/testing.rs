@@ -253,7 +253,14 @@ impl Scene {
 
     pub fn choices(&self, original: bool) -> Choices {
         let traversal = Traversal::Threaded;
-        Choices { traversal, original, robust_slabs: !original, sampler: SAMPLER_PCG }
+        Choices {
+            traversal,
+            original,
+            robust_slabs: !original,
+            sampler: SAMPLER_PCG,
+            facing: !original,
+            ulp_offset: false,
+        }
     }
 
     pub fn inputs(&self) -> Inputs<'_> {

@@ -49,7 +49,7 @@ const WIDE_UP_TO: usize = 256;
 
 /// The tree's builder, chosen before there is a tree.
 pub fn choose_builder(wishes: &Wishes) -> Builder {
-    let original = wishes.preset == Some(Preset::Original);
+    let original = wishes.preset.is_some_and(Preset::is_original);
     let reads_no_tree = wishes.method == Some(Method::Brute);
     // `brute` reads the triangles alone, each once.
     if reads_no_tree || original && wishes.builder.is_none() {
@@ -67,19 +67,27 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
         |what, choice: String, why: &str| reasons.push(Reason { what, choice, why: why.to_string() });
     let asked = "asked for";
     let settings = match preset {
-        Preset::Original => {
-            let of_original = Settings {
+        Preset::Original | Preset::OriginalUnbiased => {
+            let unbiased = preset == Preset::OriginalUnbiased;
+            let (accumulator, offset, why) = match unbiased {
+                false => (Accumulator::Rgba8, Offset::Fixed, "what the OpenGL original did, faults included"),
+                true => (
+                    Accumulator::Rgba32f,
+                    Offset::Scaled,
+                    "what the OpenGL original did, with floats, pixel centres, facing normals and a scaled offset",
+                ),
+            };
+            note("preset", preset.name().into(), why);
+            Settings {
                 preset,
                 method: wishes.method.unwrap_or(Method::Threaded),
                 builder: geometry.builder,
                 passes: wishes.passes.unwrap_or(Passes::Single),
                 sampler: wishes.sampler.unwrap_or(Sampler::Lcg),
-                accumulator: wishes.accumulator.unwrap_or(Accumulator::Rgba8),
-                offset: wishes.offset.unwrap_or(Offset::Fixed),
+                accumulator: wishes.accumulator.unwrap_or(accumulator),
+                offset: wishes.offset.unwrap_or(offset),
                 slabs: wishes.slabs.unwrap_or(Slabs::Plain),
-            };
-            note("preset", "original".into(), "what the OpenGL original did, faults included");
-            of_original
+            }
         }
         Preset::Auto => {
             let (method, why) = match wishes.method {
@@ -123,7 +131,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     let why = match (settings.method, wishes.builder) {
         (Method::Brute, _) => "brute reads no tree, so the one that is built fastest",
         (_, Some(_)) => asked,
-        _ if preset == Preset::Original => "as the original",
+        _ if preset.is_original() => "as the original",
         _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
     };
     note("builder", settings.builder.name().into(), why);
@@ -168,7 +176,7 @@ fn choose_passes(method: Method, adapter: &Adapter) -> (Passes, &'static str) {
 /// buffers.
 fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) -> (Accessor, &'static str) {
     let words = geometry.tree.nodes.len().max(geometry.triangles.len() * 3 / 2) as u64 * 2;
-    if settings.preset == Preset::Original {
+    if settings.preset.is_original() {
         (Accessor::StorageBuffer, "as the original")
     } else if adapter.kind != DeviceKind::Cpu {
         (Accessor::StorageBuffer, "a GPU reads storage buffers at full speed")

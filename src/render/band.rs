@@ -68,7 +68,7 @@ impl<'a> Band<'a> {
         };
         let states = match plan.settings.sampler {
             Sampler::Lcg => lcg_seeds(begin, end, plan.job.seed),
-            Sampler::Pcg => vec![0; 4],
+            _ => vec![0; 4],
         };
         Ok(Self {
             stage,

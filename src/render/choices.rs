@@ -13,6 +13,9 @@ choices! {
         Auto = "auto",
         /// What the OpenGL original did.
         Original = "original",
+        /// The same, made unbiased: floats, pixel centres, normals that face the camera, an offset that follows the
+        /// scene's size.
+        OriginalUnbiased = "original-unbiased",
     }
     /// Where random numbers come from.
     Sampler {
@@ -20,6 +23,12 @@ choices! {
         Lcg = "lcg",
         /// A hash of pixel, sample, dimension and seed.
         Pcg = "pcg",
+        /// Owen-scrambled Sobol points for each pixel.
+        Sobol = "sobol",
+        /// Jittered strata, in an order that is the same for all pixels.
+        Strata = "strata",
+        /// Independent numbers of a quality beyond doubt, for references.
+        Philox = "philox",
     }
     /// How a pixel's rays are added up.
     Accumulator {
@@ -36,6 +45,8 @@ choices! {
         Fixed = "fixed",
         /// 10^-4 of the diagonal of the scene's box.
         Scaled = "scaled",
+        /// Some ulps of the start's coordinates (Wächter and Binder 2019).
+        Ulp = "ulp",
     }
     /// How the work is cut into kernels.
     Passes {
@@ -73,6 +84,13 @@ pub enum Method {
     Postponed,
     /// A compressed tree of eight children a node.
     Wide,
+}
+
+impl Preset {
+    /// Whether the kernels do what the original's did.
+    pub fn is_original(self) -> bool {
+        self != Self::Auto
+    }
 }
 
 /// Deepest stack that a kernel is made with.

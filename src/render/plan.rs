@@ -24,6 +24,10 @@ pub struct Job {
     pub seed: u32,
     /// Occluders farther away than this do not count; units of the file.
     pub max_distance: Option<f64>,
+    /// Camera rays of a pixel, among which its samples are dealt out.
+    pub jitters: u32,
+    /// Each pixel gets as many of the samples as its error asks for, and all together as many as without.
+    pub adaptive: bool,
     /// Samples of a dispatch, where the scheduler should not choose (tests).
     pub block: Option<u32>,
 }
@@ -80,7 +84,7 @@ impl<'a> Plan<'a> {
     ) -> Result<Self> {
         let settings = decision.settings;
         check_job(&job, &settings, limits)?;
-        let original = settings.preset == Preset::Original;
+        let original = settings.preset.is_original();
         let bound = geometry.stack_bound_of(settings.method);
         let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { bound.max(1) };
         let kernels = kernels_of(&settings, decision.accessor)?;
@@ -100,6 +104,9 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
                 (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
+                (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
+                (layout::SPEC_JITTERED, u32::from(job.jitters > 1)),
+                (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
             job,
@@ -273,7 +280,7 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
         )));
     }
     let samples = job.samples.len() as u32;
-    if settings.preset == Preset::Original && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
+    if settings.preset.is_original() && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
         return Err(Error::usage(format!(
             "The original traces {} rays a frame: choose a multiple of it for --spp, not {samples}.",
             layout::FRAME_SAMPLES
@@ -282,16 +289,20 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
     Ok(())
 }
 
-fn sampler_code(sampler: Sampler) -> u32 {
+/// As the kernels know it.
+pub fn sampler_code(sampler: Sampler) -> u32 {
     match sampler {
         Sampler::Lcg => layout::SAMPLER_LCG,
         Sampler::Pcg => layout::SAMPLER_PCG,
+        Sampler::Sobol => layout::SAMPLER_SOBOL,
+        Sampler::Strata => layout::SAMPLER_STRATA,
+        Sampler::Philox => layout::SAMPLER_PHILOX,
     }
 }
 
 /// The file in shaders/traverse/ and node layout of these choices, as in the names of kernels.
 pub fn traversal_name(settings: &Settings) -> &'static str {
-    let of_original = settings.preset == Preset::Original && settings.method == Method::Threaded;
+    let of_original = settings.preset.is_original() && settings.method == Method::Threaded;
     if of_original { "threaded48" } else { settings.method.family() }
 }
 
@@ -319,8 +330,11 @@ fn kernels_of(settings: &Settings, accessor: Accessor) -> Result<Vec<&'static Ke
 }
 
 fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> Frame {
-    let original = settings.preset == Preset::Original;
-    let model = if original { RayModel::NearToFar } else { RayModel::Eye };
+    let model = match settings.preset {
+        Preset::Auto => RayModel::Eye,
+        Preset::Original => RayModel::NearToFar,
+        Preset::OriginalUnbiased => RayModel::CentredNearToFar,
+    };
     frame_of(job, settings, scene, geometry, model)
 }
 
@@ -332,12 +346,13 @@ pub fn frame_of(
     geometry: &Geometry,
     model: RayModel,
 ) -> Frame {
-    let original = settings.preset == Preset::Original;
+    let original = settings.preset.is_original();
     let placement = &geometry.placement;
     let rays = job.camera.rays(&scene.bounds, placement, job.size, model);
     let offset = match settings.offset {
         Offset::Fixed => FIXED_OFFSET,
         Offset::Scaled => SCALED_OFFSET * scene.bounds.diagonal(),
+        Offset::Ulp => 0.0,
     };
     let longest = match job.max_distance {
         Some(distance) if original => Some(distance.min(ORIGINAL_LIMIT)),
@@ -363,6 +378,8 @@ pub fn frame_of(
         pixel_shift: rays.pixel_shift as f32,
         box_pad: geometry.box_pad,
         sample_base: job.samples.start,
+        jitters: job.jitters,
+        pixels: Tiles { width: job.size.0, height: job.size.1 }.padded_pixels() as u32,
         ..Frame::default()
     }
 }

@@ -223,6 +223,8 @@ impl Scheduler {
             triangle_end: self.work.triangles,
             pixel_base: self.work.pixel_begin,
             stage: STAGE_BOTH,
+            set_begin: self.work.sample_begin,
+            set_end: self.work.sample_end,
             ..Range::default()
         };
         if self.work.triangles <= self.part {

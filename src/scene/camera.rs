@@ -25,6 +25,8 @@ pub enum RayModel {
     Eye,
     /// The original's: from the near to the far plane, through pixel corners.
     NearToFar,
+    /// The same through pixel centres.
+    CentredNearToFar,
     /// The original's first form: from depth 0 to 1 of OpenGL's clip space, which begins at -1, through pixel
     /// centres.
     MiddleToFar,
@@ -116,6 +118,7 @@ impl Camera {
             // The original counts rows from the bottom and takes a pixel's lower left corner, so row y of
             // the picture lies at raster height y + 1.
             RayModel::NearToFar => from_to(corner + dy, near, far, 0.0),
+            RayModel::CentredNearToFar => from_to(corner, near, far, 0.5),
             RayModel::MiddleToFar => from_to(corner, 2.0 * near * far / (near + far), far, 0.5),
         }
     }

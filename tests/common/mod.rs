@@ -59,12 +59,21 @@ pub fn scene_from(mesh: Mesh, report: obj::Report) -> Scene {
 
 /// A job of this size and these samples with the scene's default camera.
 pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Job {
-    Job { camera: Camera::default_for(&scene.path), size, samples, seed: 7, max_distance: None, block: None }
+    Job {
+        camera: Camera::default_for(&scene.path),
+        size,
+        samples,
+        seed: 7,
+        max_distance: None,
+        jitters: 1,
+        adaptive: false,
+        block: None,
+    }
 }
 
 pub fn geometry(scene: &Scene, preset: Preset) -> Geometry {
     let builder = auto::choose_builder(&Wishes { preset: Some(preset), ..Wishes::default() });
-    Geometry::build(scene, preset != Preset::Original, builder, &|_| {}).expect("a tree")
+    Geometry::build(scene, !preset.is_original(), builder, &|_| {}).expect("a tree")
 }
 
 pub fn plan<'a>(

@@ -48,7 +48,7 @@ impl Spec {
 
     /// Whether two rows can read the same geometry.
     pub fn shares_geometry(&self, other: &Self) -> bool {
-        let conditioned = |spec: &Self| spec.preset != Preset::Original;
+        let conditioned = |spec: &Self| !spec.preset.is_original();
         self.builder == other.builder && conditioned(self) == conditioned(other)
     }
 

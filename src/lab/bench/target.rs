@@ -37,6 +37,8 @@ pub fn plan_sized<'a>(
         samples: 0..if spec.preset == Preset::Original { FRAME_SAMPLES } else { bench.options.spp },
         seed: bench.options.seed,
         max_distance: None,
+        jitters: 1,
+        adaptive: false,
         block: None,
     };
     Plan::new(job, scene, geometry, &decision, &bench.device.adapter().limits)

@@ -64,7 +64,7 @@ pub fn with_triangles(scene: &Scene, count: usize) -> Scene {
 impl Lab<'_> {
     /// The scene in the way of this preset, with this tree.
     pub(super) fn geometry(&self, scene: &Scene, preset: Preset, builder: Builder) -> Result<Geometry> {
-        Geometry::build(scene, preset != Preset::Original, builder, &|_| {})
+        Geometry::build(scene, !preset.is_original(), builder, &|_| {})
     }
 
     /// A frame of four rays from the scene's usual view.
@@ -75,6 +75,8 @@ impl Lab<'_> {
             samples: 0..FRAME_SAMPLES,
             seed: self.seed,
             max_distance: None,
+            jitters: 1,
+            adaptive: false,
             block: None,
         }
     }

@@ -126,7 +126,7 @@ fn of_equal_hits_the_smaller_id_wins_and_in_the_original_the_last() {
     for traversal in [Traversal::Brute, stack, Traversal::Threaded] {
         let mut inputs = scene.by(traversal);
         assert_eq!(closest_hit(&inputs, &ray, no_hit(9.0)).0.id, 0);
-        inputs.choices = Choices { original: true, robust_slabs: false, ..inputs.choices };
+        inputs.choices = Choices { original: true, robust_slabs: false, facing: false, ..inputs.choices };
         let last = if traversal == Traversal::Brute { 2 } else { 0 };
         assert_eq!(closest_hit(&inputs, &ray, no_hit(9.0)).0.index, last, "{traversal:?}");
     }
