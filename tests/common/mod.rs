@@ -9,6 +9,7 @@ use cousu::render::choices::{Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan};
+use cousu::render::rounds::Goal;
 use cousu::scene::camera::Camera;
 use cousu::scene::procedural::{self, Request};
 use cousu::scene::{Mesh, Scene, obj};
@@ -67,6 +68,7 @@ pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Jo
         max_distance: None,
         jitters: 1,
         adaptive: false,
+        goal: Goal::Samples,
         block: None,
     }
 }
