@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    every_traversal, geometry, job, plan, plan_decided, run, scene_from, scene_named, scene_of, with_device,
+    every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named, scene_of,
+    with_device,
 };
 use cousu::layout::{Count, HitRecord, RayRecord};
 use cousu::pack::NodeArrays;
@@ -26,10 +27,6 @@ fn counts(accumulated: Accumulated) -> Vec<Count> {
         Accumulated::Counts(counts) => counts,
         Accumulated::Means(_) => panic!("counts were asked for"),
     }
-}
-
-fn pinhole(eye: [f64; 3], target: [f64; 3], up: [f64; 3], fov: f64) -> Camera {
-    Camera::Pinhole { eye, target, up, fov }
 }
 
 const ROOM: &str = "v -2 0 -1\nv 2 0 -1\nv 2 0 1\nv -2 0 1\nv -2 3 -1\nv 2 3 -1\nv 2 3 1\nv -2 3 1\n\

@@ -15,7 +15,7 @@ const FEWEST: u32 = 4;
 /// there is some.
 const REACH: u32 = 2;
 /// Least variance of a pixel, as a part of the mean.
-const FLOOR: f64 = 0.05;
+const FLOOR: f64 = 0.02;
 
 /// How the samples are shared out among camera rays, by their numbers; 0 for those that hit nothing.
 pub struct Shares {
@@ -34,11 +34,12 @@ impl Shares {
             Sampler::Sobol | Sampler::Strata => 0.4,
         };
         let smooth = smoothed(tiles, counts);
-        let hits = smooth.iter().filter(|variance| **variance > 0.0).count();
-        let mean = smooth.iter().map(|v| f64::from(*v)).sum::<f64>() / hits.max(1) as f64;
-        let weight = |&variance: &f32| match variance {
-            0.0 => 0.0,
-            some => f64::from(some).max(FLOOR * mean).powf(power) as f32,
+        let hits = smooth.iter().flatten().count();
+        let mean = smooth.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / hits.max(1) as f64;
+        // Where nothing varies, all get the same.
+        let least = if mean > 0.0 { FLOOR * mean } else { 1.0 };
+        let weight = |variance: &Option<f32>| {
+            variance.map_or(0.0, |variance| f64::from(variance).max(least).powf(power) as f32)
         };
         Self { weights: smooth.iter().map(weight).collect(), hits, powers_of_two: sampler == Sampler::Sobol }
     }
@@ -73,34 +74,85 @@ impl Shares {
     }
 }
 
-/// The variance of one sample, from each camera ray's own counts and its neighbours'. That of e escaped rays of n is
-/// p (1 - p) with p = (e + 1/2) / (n + 1) (Krichevsky and Trofimov 1981), so that no ray's is 0 that hits.
-fn smoothed(tiles: Tiles, counts: &[Count]) -> Vec<f32> {
-    let variance = |count: &Count| -> f32 {
-        let traced = count.traced0 + count.traced1;
-        let share = (f64::from(count.escaped0 + count.escaped1) + 0.5) / (f64::from(traced) + 1.0);
-        if traced == 0 { 0.0 } else { (share * (1.0 - share)) as f32 }
+/// The variance of one sample, from each camera ray's own counts and its neighbours'; `None` for those that hit nothing.
+/// Without bias it is e (n - e) / (n (n - 1)) if e of n rays escaped.
+fn smoothed(tiles: Tiles, counts: &[Count]) -> Vec<Option<f32>> {
+    let variance = |count: &Count| {
+        let (e, n) = (f64::from(count.escaped0 + count.escaped1), f64::from(count.traced0 + count.traced1));
+        (n > 0.0).then(|| (e * (n - e) / (n * (n - 1.0).max(1.0))) as f32)
     };
-    let own: Vec<f32> = counts.iter().map(variance).collect();
-    let mut smooth = vec![0.0; own.len()];
+    let own: Vec<Option<f32>> = counts.iter().map(variance).collect();
+    let mut smooth = vec![None; own.len()];
     let padded = tiles.padded_pixels() as usize;
     for ray in 0..tiles.jitters as usize {
-        let at = |x: u32, y: u32| own[tiles.number(x, y) as usize + ray * padded];
+        let place = |x: u32, y: u32| tiles.number(x, y) as usize + ray * padded;
         for y in 0..tiles.height {
             for x in 0..tiles.width {
-                if at(x, y) == 0.0 {
-                    continue;
-                }
+                let Some(here) = own[place(x, y)] else { continue };
+                let rows = y.saturating_sub(REACH)..=(y + REACH).min(tiles.height - 1);
+                let columns = x.saturating_sub(REACH)..=(x + REACH).min(tiles.width - 1);
                 let (mut sum, mut hits) = (0.0, 0.0);
-                for y in y.saturating_sub(REACH)..=(y + REACH).min(tiles.height - 1) {
-                    for x in x.saturating_sub(REACH)..=(x + REACH).min(tiles.width - 1) {
-                        sum += at(x, y);
-                        hits += f32::from(u8::from(at(x, y) > 0.0));
+                for y in rows {
+                    for variance in columns.clone().filter_map(|x| own[place(x, y)]) {
+                        sum += variance;
+                        hits += 1.0;
                     }
                 }
-                smooth[tiles.number(x, y) as usize + ray * padded] = 0.5 * at(x, y) + 0.5 * sum / hits;
+                smooth[place(x, y)] = Some(0.5 * here + 0.5 * sum / hits);
             }
         }
     }
     smooth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TILES: Tiles = Tiles { width: 64, height: 32, jitters: 1 };
+
+    /// A quarter of the picture is not hit, a quarter open, the rest varies as a fair coin.
+    fn counts() -> Vec<Count> {
+        let count = |number: u32| match TILES.position(number).0 {
+            0..16 => Count::default(),
+            16..32 => Count { escaped0: 8, traced0: 8, escaped1: 8, traced1: 8 },
+            _ => Count { escaped0: 3 + number % 3, traced0: 8, escaped1: 4, traced1: 8 },
+        };
+        (0..TILES.numbers() as u32).map(count).collect()
+    }
+
+    #[test]
+    fn shares_have_the_mean_and_grow_with_it() {
+        for sampler in [Sampler::Pcg, Sampler::Sobol, Sampler::Strata] {
+            let shares = Shares::of_pilot(TILES, &counts(), sampler);
+            let mut before = vec![0; counts().len()];
+            for mean in [16, 24, 32, 100, 5000] {
+                let samples = shares.samples(mean);
+                let sum: u64 = samples.iter().map(|&n| u64::from(n)).sum();
+                let hits = samples.iter().filter(|&&n| n > 0).count();
+                assert_eq!(hits, 48 * 32);
+                let found = sum as f64 / hits as f64;
+                let rounding = if sampler == Sampler::Sobol { 0.35 } else { 0.03 };
+                assert!((found / f64::from(mean) - 1.0).abs() < rounding, "{sampler} {mean}: {found}");
+                assert!(samples.iter().zip(&before).all(|(now, before)| now >= before), "{sampler} {mean}");
+                assert!(samples.iter().all(|&n| n == 0 || n >= FEWEST && n.is_multiple_of(2)));
+                before = samples;
+            }
+        }
+    }
+
+    #[test]
+    fn an_open_pixel_gets_few_and_one_without_a_hit_none() {
+        let samples = Shares::of_pilot(TILES, &counts(), Sampler::Pcg).samples(64);
+        let at = |x| samples[TILES.number(x, 16) as usize];
+        assert_eq!(at(5), 0);
+        assert!(at(50) > 4 * at(24) && at(24) >= FEWEST, "{} {}", at(50), at(24));
+    }
+
+    #[test]
+    fn where_nothing_varies_all_get_the_same() {
+        let open = vec![Count { escaped0: 8, traced0: 8, escaped1: 8, traced1: 8 }; TILES.numbers() as usize];
+        let samples = Shares::of_pilot(TILES, &open, Sampler::Sobol).samples(64);
+        assert!(samples.iter().all(|&n| n == 64));
+    }
 }
