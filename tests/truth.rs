@@ -16,7 +16,6 @@ use cousu::render::picture::Accumulated;
 use cousu::render::plan::{Job, Plan, sampler_code};
 use cousu::render::raylist::{Query, RayLists};
 use cousu::render::seeds::{hash, lcg_seeds};
-use cousu::scene::camera::Camera;
 use cousu::scene::{Mesh, Scene, obj};
 use cousu::vk::{Device, DeviceKind};
 use glam::DVec3;
@@ -319,6 +318,23 @@ fn the_twin_counts_the_same_rays() {
                 assert!(counts(outcome.accumulated) == expected.counts, "{name} {method}");
             }
         }
+    });
+}
+
+/// Several camera rays a pixel: the same places in the pixel, the same surfaces, the same counts.
+#[test]
+fn the_twin_shoots_the_same_camera_rays() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        let job = Job { jitters: 5, ..job(&scene, (101, 67), 0..4) };
+        let wishes = Wishes { method: Some(Method::Threaded), ..Wishes::default() };
+        let plan = plan(device, &scene, &geometry, job, wishes);
+        let outcome = run(device, &plan);
+        let expected = reference::render_counts(&Twin::new(&plan).inputs(&plan), 0..4, None);
+        assert_eq!(expected.counts.len() as u64, plan.tiles.numbers());
+        assert!(expected.primary_hits > 5_000 && expected.primary_hits < 5 * 101 * 67);
+        assert!(counts(outcome.accumulated) == expected.counts);
     });
 }
 
