@@ -340,6 +340,10 @@ constants! {
     SAMPLER_STRATA = 3;
     SAMPLER_PHILOX = 4;
 
+    /// Third words of `pcg4d`, one for each sampler that asks it: no two get the same numbers (0 is `pcg`'s).
+    KEY_SOBOL = 0x736f_626c;
+    KEY_STRATA = 0x7374_7261;
+
     /// Values of `Range::stage`: closest hit and ambient rays, or one of them.
     STAGE_BOTH = 0;
     STAGE_CLOSEST = 1;
