@@ -1,0 +1,76 @@
+//! Points of an earlier run that asked the same: read from its chart.json.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::chart::Record;
+use crate::lab::chart::SceneFacts;
+use crate::lab::chart::curves::Choices;
+use crate::lab::chart::results::Point;
+
+/// What an earlier run left.
+#[derive(Default)]
+pub struct Earlier {
+    saved: Option<Value>,
+}
+
+impl Earlier {
+    /// Nothing, if there is no file; the reason, if it can't be read.
+    pub fn read(path: &Path) -> (Self, Option<String>) {
+        let Ok(text) = fs::read(path) else { return (Self::default(), None) };
+        match serde_json::from_slice::<Value>(&text) {
+            Ok(saved) if saved["curves"].is_array() => (Self { saved: Some(saved) }, None),
+            _ => {
+                let note = format!("{} is no chart's record: it is written anew.", path.display());
+                (Self::default(), Some(note))
+            }
+        }
+    }
+
+    /// In what the earlier run's question about this scene differs; `None` if in nothing, or if it did not ask.
+    pub fn differs(&self, record: &Record, facts: &SceneFacts) -> Option<String> {
+        let saved = self.saved.as_ref()?;
+        let now = serde_json::to_value(record).ok()?;
+        for key in ["device", "driver", "size", "seed"] {
+            if saved[key] != now[key] {
+                return Some(format!("its {key} was {}", saved[key]));
+            }
+        }
+        if saved["manifest"]["spirv_hash"] != now["manifest"]["spirv_hash"] {
+            return Some("its kernels were others".into());
+        }
+        let scene = self.scene(&facts.scene)?;
+        let now = serde_json::to_value(facts).ok()?;
+        ["hash", "camera", "max_distance", "references"].into_iter().find_map(|key| {
+            let name = if key == "hash" { "geometry" } else { key };
+            (scene[key] != now[key]).then(|| format!("its {name} was {}", short(&scene[key])))
+        })
+    }
+
+    fn scene(&self, name: &str) -> Option<&Value> {
+        self.saved.as_ref()?["scenes"].as_array()?.iter().find(|scene| scene["scene"] == name)
+    }
+
+    /// The points of the curve that made these choices.
+    pub fn points(&self, scene: &str, choices: &Choices) -> Vec<Point> {
+        let find = || -> Option<Vec<Point>> {
+            let choices = serde_json::to_value(choices).ok()?;
+            let curves = self.saved.as_ref()?["curves"].as_array()?;
+            let curve = curves.iter().find(|curve| curve["scene"] == scene && curve["choices"] == choices)?;
+            serde_json::from_value(curve["points"].clone()).ok()
+        };
+        let mut points = find().unwrap_or_default();
+        points.retain(|point| point.spp > 0 && point.gpu_ms.is_finite());
+        points.sort_by_key(|point| point.spp);
+        points.dedup_by_key(|point| point.spp);
+        points
+    }
+}
+
+/// Values may be long.
+fn short(value: &Value) -> String {
+    let text: String = value.to_string().chars().take(80).collect();
+    if text.len() < 80 { text } else { "another".into() }
+}
