@@ -11,6 +11,7 @@
 #include "shared/sampling.glsl"
 #include "shared/surface.glsl"
 #include "shared/accumulate.glsl"
+#include "shared/budgets.glsl"
 #include "shared/counters.glsl"
 
 // A tile of pixels.
@@ -31,6 +32,7 @@ uint lcg_state;
 uint lcg_before;
 uint sample_next;
 uint sample_end;
+uvec2 budget;
 float sample_weight;
 uvec2 escaped;
 uvec2 traced;
@@ -66,7 +68,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     if (more) {
         sample_next++;
         lcg_before = lcg_state;
-        vec2 u = sample_numbers(pixel, id, range.set_end, lcg_state);
+        vec2 u = sample_numbers(pixel, id, budget, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }
@@ -95,7 +97,7 @@ void retire_any(uint id, bool occluded, bool finished) {
 
 // Whether the camera ray met a surface. The original's far plane is at 1, its near plane at 0.
 bool trace_primary(bool works) {
-    primary_ray = camera_ray(position);
+    primary_ray = camera_ray(pixel);
     primary_hit = no_hit(primary_ray.t_max);
     if (works) primary_hit = carried_hit(primary_ray.t_max);
     primary_waits = works && range.stage != STAGE_ANY;
@@ -134,6 +136,7 @@ void main() {
     position = pixel_position(pixel);
     sample_next = 0u;
     sample_end = range.sample_end;
+    budget = uvec2(0u);
     escaped = uvec2(0u);
     traced = uvec2(0u);
     sum = 0.0;
@@ -142,6 +145,8 @@ void main() {
     bool works = pixel < range.pixel_end && inside_image(position);
     if (works) {
         sample_next = first_open_sample(pixel);
+        budget = sample_budget(pixel);
+        sample_end = min(sample_end, budget.y);
         works = sample_next < sample_end;
     }
     bool hit = trace_primary(works);
@@ -150,6 +155,8 @@ void main() {
         mine.primary_finished = primary_finished ? 1u : 0u;
     }
     if (works && range.stage == STAGE_CLOSEST) carry_hit(primary_hit);
+    bool camera_ray_ended = range.stage == STAGE_BOTH || range.stage == STAGE_CLOSEST && last_part();
+    if (works && camera_ray_ended && primary_finished && !hit && !ORIGINAL) mark_missed(pixel);
     works = works && range.stage != STAGE_CLOSEST && primary_finished && (hit || ORIGINAL);
     uint asked = sample_end - sample_next;
     trace_ambient(works, hit);

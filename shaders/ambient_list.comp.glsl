@@ -29,6 +29,7 @@ Surface surface;
 uint lcg_state;
 uint sample_next;
 uint sample_end;
+uvec2 budget;
 float sample_weight;
 uvec2 escaped;
 uint finished_samples;
@@ -44,7 +45,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     bool more = sample_next < sample_end;
     if (more) {
         sample_next++;
-        vec2 u = sample_numbers(pixel, id, range.set_end, lcg_state);
+        vec2 u = sample_numbers(pixel, id, budget, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }
@@ -87,13 +88,14 @@ void main() {
         pixel = entry.pixel;
         uint skipped = gl_WorkGroupID.z * range.block;
         sample_next = range.sample_begin + entry.skip + skipped;
-        sample_end = min(sample_next + range.block, range.sample_end);
+        budget = listed_budget(entry);
+        sample_end = min(sample_next + range.block, min(range.sample_end, budget.y));
         first_sample = sample_next;
         asked = max(sample_end, sample_next) - sample_next;
         if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
-        surface = surface_at(camera_ray(pixel_position(pixel)), hit);
+        surface = surface_at(camera_ray(pixel), hit);
     }
     run_any();
     Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);

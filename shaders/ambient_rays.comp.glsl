@@ -18,7 +18,7 @@ const RayRecord NO_RAY = RayRecord(vec3(0.0), -1.0, vec3(0.0, 0.0, 1.0), 0.0);
 Surface kept_surface(uint pixel) {
     HitRecord record = hits[pixel - range.pixel_base];
     Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
-    return surface_at(camera_ray(pixel_position(pixel)), hit);
+    return surface_at(camera_ray(pixel), hit);
 }
 
 #ifdef LISTED
@@ -33,12 +33,13 @@ void main() {
     if (place < arguments.count) {
         Listed entry = listed[place];
         uint id = range.sample_begin + entry.skip + gl_WorkGroupID.z;
-        if (id < range.sample_end) {
+        uvec2 budget = listed_budget(entry);
+        if (id < min(range.sample_end, budget.y)) {
             uint lcg_state = 0u;
             if (SAMPLER == SAMPLER_LCG) {
                 lcg_state = lcg_jump(seeds[entry.pixel - range.pixel_base], 2u * gl_WorkGroupID.z);
             }
-            vec2 u = sample_numbers(entry.pixel, id, range.set_end, lcg_state);
+            vec2 u = sample_numbers(entry.pixel, id, budget, lcg_state);
             Surface surface = kept_surface(entry.pixel);
             Ray ray = ambient_ray(surface, u);
             float weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;

@@ -11,7 +11,7 @@ void main() {
     uint pixel = range.pixel_begin + gl_GlobalInvocationID.x;
     if (pixel >= range.pixel_end) return;
     ivec2 position = pixel_position(pixel);
-    Ray ray = camera_ray(position);
+    Ray ray = camera_ray(pixel);
     float t_max = inside_image(position) ? ray.t_max : -1.0;
     rays[pixel - range.pixel_begin] = RayRecord(ray.origin, t_max, ray.direction, 1.0);
 }

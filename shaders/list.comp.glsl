@@ -5,6 +5,7 @@
 #include "shared/ray.glsl"
 #include "shared/camera.glsl"
 #include "shared/accumulate.glsl"
+#include "shared/budgets.glsl"
 #include "shared/list.glsl"
 
 layout(local_size_x = WORKGROUP_SIZE) in;
@@ -25,11 +26,13 @@ void main() {
     uint lane = gl_LocalInvocationIndex;
     uint pixel = range.pixel_begin + gl_WorkGroupID.x * WORKGROUP_SIZE + lane;
     uint first = 0u;
+    uvec2 budget = uvec2(0u);
     bool listed_too = false;
     if (pixel < range.pixel_end && inside_image(pixel_position(pixel)) && camera_ray_hit(pixel)) {
         first = first_open_sample(pixel);
+        budget = sample_budget(pixel);
         // A pixel that lags behind is taken up again when the others are through.
-        listed_too = range.sample_begin <= first && first < range.sample_end;
+        listed_too = range.sample_begin <= first && first < min(range.sample_end, budget.y);
     }
     if (lane < 2u) group_mask[lane] = 0u;
     barrier();
@@ -54,6 +57,6 @@ void main() {
     if (listed_too) {
         uint before = bitCount(group_mask[lane >> 5] & ((1u << (lane & 31u)) - 1u));
         uint place = group_begin + (lane < 32u ? 0u : low) + before;
-        listed[place] = Listed(pixel, first - range.sample_begin, range.sample_end, 0u);
+        listed[place] = Listed(pixel, first - range.sample_begin, budget.x, budget.y);
     }
 }

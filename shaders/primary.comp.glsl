@@ -22,7 +22,7 @@ bool next_closest(out Ray ray, out Hit hit, out uint id) {
     id = pixel;
     bool more = waits;
     waits = false;
-    ray = camera_ray(pixel_position(pixel));
+    ray = camera_ray(pixel);
     hit = no_hit(ray.t_max);
     return more;
 }

@@ -11,7 +11,7 @@ FRAGMENT_FROM_TOP
 layout(location = 0) out vec4 color;
 
 void main() {
-    Ray ray = camera_ray(ivec2(gl_FragCoord.xy));
+    Ray ray = camera_ray_through(vec2(ivec2(gl_FragCoord.xy)) + frame.pixel_shift);
     float best = ray.t_max;
     color = vec4(0.0);
     for (uint i = 0u; i < frame.triangle_count; i++) {

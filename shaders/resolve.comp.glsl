@@ -35,7 +35,7 @@ void main() {
     if (place < arguments.count) {
         Listed entry = listed[place];
         uint first_sample = range.sample_begin + entry.skip;
-        uint asked = range.sample_end - first_sample;
+        uint asked = min(range.sample_end, listed_budget(entry).y) - first_sample;
         uvec2 escaped = uvec2(0u);
         uint finished = 0u;
         float sum = 0.0;

@@ -206,9 +206,16 @@ records! {
         pixel: uint,
         /// Samples of the range that are done already.
         skip: uint,
-        /// Its samples end here, those of the range or fewer.
+        /// Its `Budget`, where each pixel has its own number of samples.
+        begin: uint,
+        end: uint,
+    }
+    /// The samples that a pixel gets in one go; they are one set of strata.
+    Budget {
+        begin: uint,
         end: uint,
         pad0: uint,
+        pad1: uint,
     }
     /// How long the list is, and the workgroups of the indirect dispatches over it: each block of samples, and
     /// each pixel.
@@ -332,6 +339,8 @@ constants! {
     SPEC_ULP_OFFSET = 9;
     /// Each pixel has its own number of samples.
     SPEC_BUDGETS = 10;
+    /// A pixel whose camera ray hits nothing is passed over from then on (`MISSED`).
+    SPEC_MARKS_MISSES = 11;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;
@@ -339,6 +348,9 @@ constants! {
     SAMPLER_SOBOL = 2;
     SAMPLER_STRATA = 3;
     SAMPLER_PHILOX = 4;
+
+    /// What random numbers are for, beside pixel and seed.
+    KEY_CAMERA = 0x6361_6d65;
 
     /// Values of `Range::stage`: closest hit and ambient rays, or one of them.
     STAGE_BOTH = 0;

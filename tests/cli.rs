@@ -142,6 +142,24 @@ fn the_same_command_gives_the_same_bytes_on_standard_output_or_in_a_file() {
 }
 
 #[test]
+fn a_render_stops_at_an_error_or_a_time_and_says_what_it_took() {
+    let render = |options: &[&str]| -> serde_json::Value {
+        let common = ["render", CORNELL, "--size", "64x40", "--json", "-"];
+        serde_json::from_str(&succeeds(&[&common[..], options].concat())).unwrap()
+    };
+    let record = render(&["--target-rmse", "0.03"]);
+    let error = record["rmse_estimate"].as_f64().unwrap();
+    assert!(error <= 0.03 && error > 0.015, "{record}");
+    assert_eq!(record["target_rmse"], 0.03);
+    assert!(record["spp"].as_u64().unwrap() > 16, "{record}");
+    assert!(render(&["--time", "0.5"])["spp"].as_u64().unwrap() >= 16);
+    let record = render(&["--adaptive", "--spp", "32", "--antialias", "4"]);
+    assert_eq!((&record["adaptive"], &record["antialias"]), (&true.into(), &4.into()));
+    assert_eq!(record["spp"], 32);
+    assert_eq!(render(&["--antialias", "6"])["spp"], 66, "the default is rounded up");
+}
+
+#[test]
 fn bad_command_lines_exit_with_2() {
     for (arguments, words) in [
         (vec!["render"], "SCENE"),
@@ -161,6 +179,12 @@ fn bad_command_lines_exit_with_2() {
         (vec!["render", CORNELL, "-o", "picture.jpg"], ".png"),
         (vec!["render", CORNELL, "-o", "/"], ".png"),
         (vec!["render", MAISON, "--method", "stack8", "--size", "8x8"], "--allow-overflow"),
+        (vec!["render", CORNELL, "--target-rmse", "0"], "0.01"),
+        (vec!["render", CORNELL, "--target-rmse", "0.1", "--spp", "4"], "cannot be used with"),
+        (vec!["render", CORNELL, "--time", "0"], "2.5"),
+        (vec!["render", CORNELL, "--time", "1", "--accumulator", "rgba32f"], "--accumulator count"),
+        (vec!["render", CORNELL, "--adaptive", "--preset", "original"], "--accumulator count"),
+        (vec!["render", CORNELL, "--antialias", "3", "--spp", "64"], "multiple of 3"),
         (vec!["scene", "castle", "-o", "x.obj"], "maison"),
         (vec!["scene", "cornell", "--triangles", "9", "-o", "x.obj"], "cornell"),
         (vec!["scene", "maison", "--triangles", "9", "-o", "x.obj"], "2000000"),

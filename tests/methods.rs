@@ -81,7 +81,7 @@ fn accumulators_agree_within_their_rounding() {
         let picture = |accumulator| {
             let wishes = Wishes { accumulator: Some(accumulator), ..Wishes::default() };
             let plan = plan(device, &scene, &geometry, job(&scene, SIZE, 0..32), wishes);
-            Picture::new(plan.tiles, &run(device, &plan).accumulated, 32)
+            Picture::new(plan.tiles, &run(device, &plan).accumulated)
         };
         let counts = picture(Accumulator::Count);
         for (accumulator, bound) in [(Accumulator::Rgba32f, 1e-6), (Accumulator::Rgba8, 8.0 / 255.0)] {

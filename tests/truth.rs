@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    every_traversal, geometry, job, plan, plan_decided, run, scene_from, scene_named, scene_of, with_device,
+    every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named, scene_of,
+    with_device,
 };
 use cousu::layout::{Count, HitRecord, RayRecord};
 use cousu::pack::NodeArrays;
@@ -15,7 +16,6 @@ use cousu::render::picture::Accumulated;
 use cousu::render::plan::{Job, Plan, sampler_code};
 use cousu::render::raylist::{Query, RayLists};
 use cousu::render::seeds::{hash, lcg_seeds};
-use cousu::scene::camera::Camera;
 use cousu::scene::{Mesh, Scene, obj};
 use cousu::vk::{Device, DeviceKind};
 use glam::DVec3;
@@ -26,10 +26,6 @@ fn counts(accumulated: Accumulated) -> Vec<Count> {
         Accumulated::Counts(counts) => counts,
         Accumulated::Means(_) => panic!("counts were asked for"),
     }
-}
-
-fn pinhole(eye: [f64; 3], target: [f64; 3], up: [f64; 3], fov: f64) -> Camera {
-    Camera::Pinhole { eye, target, up, fov }
 }
 
 const ROOM: &str = "v -2 0 -1\nv 2 0 -1\nv 2 0 1\nv -2 0 1\nv -2 3 -1\nv 2 3 -1\nv 2 3 1\nv -2 3 1\n\
@@ -322,6 +318,23 @@ fn the_twin_counts_the_same_rays() {
                 assert!(counts(outcome.accumulated) == expected.counts, "{name} {method}");
             }
         }
+    });
+}
+
+/// Several camera rays a pixel: the same places in the pixel, the same surfaces, the same counts.
+#[test]
+fn the_twin_shoots_the_same_camera_rays() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        let job = Job { jitters: 5, ..job(&scene, (101, 67), 0..4) };
+        let wishes = Wishes { method: Some(Method::Threaded), ..Wishes::default() };
+        let plan = plan(device, &scene, &geometry, job, wishes);
+        let outcome = run(device, &plan);
+        let expected = reference::render_counts(&Twin::new(&plan).inputs(&plan), 0..4, None);
+        assert_eq!(expected.counts.len() as u64, plan.tiles.numbers());
+        assert!(expected.primary_hits > 5_000 && expected.primary_hits < 5 * 101 * 67);
+        assert!(counts(outcome.accumulated) == expected.counts);
     });
 }
 

@@ -9,7 +9,13 @@ STORAGE_BLOCK(BINDING_COUNTS) buffer CountBlock { Count counts[]; };
 // pixel was left.
 uint first_open_sample(uint pixel) {
     Count count = counts[pixel - range.pixel_base];
+    if (count.escaped0 == MISSED) return 0xffffffffu;
     return frame.sample_base + count.traced0 + count.traced1;
+}
+
+// Has later dispatches pass over a pixel whose camera ray hits nothing.
+void mark_missed(uint pixel) {
+    if (MARKS_MISSES) counts[pixel - range.pixel_base] = Count(MISSED, 0u, 0u, 0u);
 }
 
 void add_samples(uint pixel, ivec2 position, uvec2 escaped, uvec2 traced, float sum) {
@@ -29,6 +35,7 @@ STORAGE_IMAGE(BINDING_IMAGE, rgba32f) image2D mean_image;
 
 // The running mean has no memory of how many samples it holds: dispatches must come in order.
 uint first_open_sample(uint pixel) { return range.sample_begin; }
+void mark_missed(uint pixel) {}
 
 void add_samples(uint pixel, ivec2 position, uvec2 escaped, uvec2 traced, float sum) {
     float before = float(range.sample_begin);

@@ -45,8 +45,8 @@ vec2 pcg_numbers(uint pixel, uint sample_index) {
 }
 
 // The pair of random numbers of a sample. `lcg` steps the state it is given, the others leave it alone. Samples from
-// `range.set_begin` to `set_end` are one set of strata.
-vec2 sample_numbers(uint pixel, uint sample_index, uint set_end, inout uint lcg_state) {
+// set.x to set.y are one set of strata.
+vec2 sample_numbers(uint pixel, uint sample_index, uvec2 set, inout uint lcg_state) {
     if (REPEAT > 0u) sample_index %= REPEAT;
     if (SAMPLER == SAMPLER_LCG) {
         uint first = lcg_step(lcg_state);

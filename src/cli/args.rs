@@ -1,5 +1,7 @@
 //! Arguments that several commands share, and how their values are read.
 
+use std::time::Duration;
+
 use clap::Args;
 use glam::DVec3;
 
@@ -125,6 +127,23 @@ pub fn distance(text: &str) -> std::result::Result<f64, String> {
     match text.parse() {
         Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
         _ => Err("give a positive length, such as 0.5".to_string()),
+    }
+}
+
+/// A positive error of values in [0, 1].
+pub fn error(text: &str) -> std::result::Result<f64, String> {
+    match text.parse() {
+        Ok(error) if error > 0.0 && error < 1.0 => Ok(error),
+        _ => Err("give an error between 0 and 1, such as 0.01".to_string()),
+    }
+}
+
+/// A positive time.
+pub fn seconds(text: &str) -> std::result::Result<Duration, String> {
+    let time = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    match time {
+        Some(time) if !time.is_zero() => Ok(time),
+        _ => Err("give a time in seconds, such as 2.5".to_string()),
     }
 }
 

@@ -19,6 +19,7 @@ use crate::render::frames::opengl::OpenGlFrames;
 use crate::render::frames::vulkan::Stage;
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
+use crate::render::rounds::Goal;
 use crate::report::atomic::{Output, folder};
 use crate::report::manifest::Manifest;
 use crate::report::png::{self, Encoding};
@@ -166,6 +167,7 @@ fn compare(
         max_distance: None,
         jitters: 1,
         adaptive: false,
+        goal: Goal::Samples,
         block: None,
     };
     let method = match form {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::render::rounds::Goal;
 use crate::render::tally::Progress;
 
 /// Steps of the bar.
@@ -14,30 +15,36 @@ const STEPS: u64 = 10_000;
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 pub struct Meter {
+    goal: Goal,
     bar: Option<ProgressBar>,
     started: Instant,
     last_line: Instant,
 }
 
 impl Meter {
-    pub fn new() -> Self {
+    pub fn new(goal: Goal) -> Self {
         let bar = std::io::stderr().is_terminal().then(new_bar);
-        Self { bar, started: Instant::now(), last_line: Instant::now() }
+        Self { goal, bar, started: Instant::now(), last_line: Instant::now() }
     }
 
     pub fn observe(&mut self, progress: &Progress) {
         let rate = if progress.gpu_ms > 0.0 { progress.rays as f64 / progress.gpu_ms * 1e-3 } else { 0.0 };
+        let error = match (self.goal, progress.rmse) {
+            (Goal::Rmse(goal), Some(rmse)) => format!(", error {rmse:.2e} of {goal:.2e}"),
+            (_, Some(rmse)) => format!(", error {rmse:.2e}"),
+            _ => String::new(),
+        };
         match &self.bar {
             Some(bar) => {
                 bar.set_position((progress.done * STEPS as f64) as u64);
-                bar.set_message(format!("{rate:.1} Mrays/s"));
+                bar.set_message(format!("{rate:.1} Mrays/s{error}"));
             }
             None if self.last_line.elapsed() >= LINE_EVERY => {
                 self.last_line = Instant::now();
                 let elapsed = self.started.elapsed().as_secs_f64();
                 let left = elapsed * (1.0 - progress.done) / progress.done.max(1e-6);
                 super::tell(&format!(
-                    "{:.0}% done, {rate:.1} Mrays/s, {left:.0} s left",
+                    "{:.0}% done, {rate:.1} Mrays/s{error}, {left:.0} s left",
                     progress.done * 100.0
                 ));
             }

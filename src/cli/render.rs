@@ -1,18 +1,20 @@
 //! `cousu render`.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 
-use super::args::{CameraArguments, ChoiceArguments, distance, size};
+use super::args::{CameraArguments, ChoiceArguments, distance, error, seconds, size};
 use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
+use crate::layout::{self, Frame};
 use crate::render::auto;
 use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
+use crate::render::rounds::{Goal, MOST_SAMPLES};
 use crate::render::spans::Spans;
 use crate::render::work::count_work;
 use crate::report::atomic::{Output, refuse_overwriting};
@@ -22,6 +24,7 @@ use crate::report::record::RenderRecord;
 use crate::report::trace::Timeline;
 use crate::report::{exr, heatmap, png};
 use crate::scene::Scene;
+use crate::scene::camera::Camera;
 use crate::vk::{Calibration, Device};
 
 #[derive(Args)]
@@ -37,9 +40,22 @@ pub struct Arguments {
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", value_parser = size, default_value = "1024x640")]
     size: (u32, u32),
-    /// Ambient rays of each pixel whose camera ray hits
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value = "64")]
-    spp: u32,
+    /// Ambient rays of each pixel whose camera ray hits [default: 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
+    spp: Option<u32>,
+    /// Instead of --spp: render until the estimated root mean square error of the covered pixels is E or less
+    #[arg(long, value_name = "E", value_parser = error, conflicts_with = "spp")]
+    target_rmse: Option<f64>,
+    /// Instead of --spp: render for S seconds, loading and building not counted
+    #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["spp", "target_rmse"])]
+    time: Option<Duration>,
+    /// Share out the rays by the error: a few rays, which are thrown away, tell which pixels need more and which fewer; --spp
+    /// is the mean then
+    #[arg(long)]
+    adaptive: bool,
+    /// Camera rays of a pixel, among which its ambient rays are dealt out: edges become smooth, to 1/K of a pixel
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=1024), default_value = "1")]
+    antialias: u32,
     /// Seed of the random numbers: same seed, same picture
     #[arg(long, value_name = "N", default_value = "0")]
     seed: u32,
@@ -139,6 +155,39 @@ impl Outputs {
     }
 }
 
+/// Ambient rays of a pixel, if nothing else is asked for.
+const DEFAULT_SPP: u32 = 64;
+
+fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
+    let jitters = arguments.antialias;
+    let goal = match (arguments.target_rmse, arguments.time) {
+        (Some(rmse), _) => Goal::Rmse(rmse),
+        (None, Some(time)) => Goal::Time(time),
+        (None, None) => Goal::Samples,
+    };
+    let spp = match (goal, arguments.spp) {
+        (Goal::Samples, Some(spp)) if !spp.is_multiple_of(jitters) => {
+            return Err(Error::usage(format!(
+                "--spp {spp} does not deal out evenly among the {jitters} camera rays of --antialias: choose a multiple \
+                 of {jitters}."
+            )));
+        }
+        (Goal::Samples, spp) => spp.unwrap_or(DEFAULT_SPP.next_multiple_of(jitters)),
+        _ => MOST_SAMPLES,
+    };
+    Ok(Job {
+        camera,
+        size: arguments.size,
+        samples: 0..spp / jitters,
+        seed: arguments.seed,
+        max_distance: arguments.max_distance,
+        jitters,
+        adaptive: arguments.adaptive,
+        goal,
+        block: None,
+    })
+}
+
 pub fn run(arguments: &Arguments) -> Result<()> {
     let start = Instant::now();
     let mut spans = Spans::new(start);
@@ -166,26 +215,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
-    let job = Job {
-        camera,
-        size: arguments.size,
-        samples: 0..arguments.spp,
-        seed: arguments.seed,
-        max_distance: arguments.max_distance,
-        jitters: 1,
-        adaptive: false,
-        block: None,
-    };
+    let job = job(arguments, camera)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
-    let mut meter = Meter::new();
+    let mut meter = Meter::new(plan.job.goal);
     let mut calibration = if trace.is_some() { Calibration::new(&device)? } else { None };
     let begin = Instant::now();
     let wanted = trace.is_some().then_some(&mut spans);
     let outcome = execute::run_traced(&device, &plan, &mut |progress| meter.observe(progress), wanted)?;
     meter.finish();
+    if let (Goal::Rmse(goal), Some(error)) = (plan.job.goal, outcome.error)
+        && error.rmse > goal
+    {
+        super::tell(&format!(
+            "!!! The error is {:.2e} after {MOST_SAMPLES} rays a pixel, more than the {goal:.2e} asked for.",
+            error.rmse
+        ));
+    }
     spans.phase("render", begin);
     let begin = Instant::now();
-    let picture = Picture::new(plan.tiles, &outcome.accumulated, arguments.spp);
+    let picture = Picture::new(plan.tiles, &outcome.accumulated);
     spans.phase("resolve picture", begin);
     let manifest = Manifest::new(&scene, adapter, arguments.seed);
     let wall_s = start.elapsed().as_secs_f64();
@@ -216,7 +264,18 @@ const HEATMAP_SAMPLES: u32 = 16;
 fn write_heatmap(output: Output, device: &Device, plan: &Plan<'_>, manifest: &Manifest) -> Result<()> {
     let begin = plan.job.samples.start;
     let samples = (plan.job.samples.len() as u32).min(HEATMAP_SAMPLES);
-    let plan = Plan { job: Job { samples: begin..begin + samples, ..plan.job.clone() }, ..plan.clone() };
+    // One camera ray a pixel, and the same number of samples for all.
+    let job = Job {
+        samples: begin..begin + samples,
+        jitters: 1,
+        adaptive: false,
+        goal: Goal::Samples,
+        ..plan.job.clone()
+    };
+    let frame = Frame { jitters: 1, ..plan.frame };
+    let plan = Plan { tiles: job.tiles(), job, frame, ..plan.clone() }
+        .with_constant(layout::SPEC_JITTERED, 0)
+        .with_constant(layout::SPEC_BUDGETS, 0);
     let Some(work) = count_work(device, &plan)? else {
         return Err(Error::device(format!(
             "{} lacks the subgroup operations that counting needs: leave --heatmap out or choose another --device.",

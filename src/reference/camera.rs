@@ -1,18 +1,20 @@
 //! Camera rays. Twin of shaders/shared/camera.glsl.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::ray::Ray;
-use crate::layout::{Frame, TILE_SIDE, WORKGROUP_SIZE};
+use super::rng::{pcg4d, sobol_point, unit_floats};
+use crate::layout::{Frame, KEY_CAMERA, TILE_SIDE, WORKGROUP_SIZE};
 
-/// Pixels of all tiles that the image touches: the length of per-pixel buffers.
+/// Pixels of all tiles that the image touches, times the camera rays of each: the length of per-pixel buffers.
 pub fn pixel_count(frame: &Frame) -> u32 {
-    frame.width.div_ceil(TILE_SIDE) * frame.height.div_ceil(TILE_SIDE) * WORKGROUP_SIZE
+    frame.width.div_ceil(TILE_SIDE) * frame.height.div_ceil(TILE_SIDE) * WORKGROUP_SIZE * frame.jitters.max(1)
 }
 
 /// Column and row of a pixel. Pixels are numbered tile by tile (8x8), row by row within a tile; the last
 /// tiles may reach out of the image.
 pub fn pixel_position(frame: &Frame, pixel: u32) -> [u32; 2] {
+    let pixel = if frame.jitters > 1 { pixel % frame.pixels } else { pixel };
     let tiles_in_row = frame.width.div_ceil(TILE_SIDE);
     let tile = pixel / WORKGROUP_SIZE;
     let place = pixel % WORKGROUP_SIZE;
@@ -26,9 +28,20 @@ pub fn inside_image(frame: &Frame, position: [u32; 2]) -> bool {
     position[0] < frame.width && position[1] < frame.height
 }
 
-pub fn camera_ray(frame: &Frame, position: [u32; 2]) -> Ray {
-    let x = position[0] as f32 + frame.pixel_shift;
-    let y = position[1] as f32 + frame.pixel_shift;
+/// Where in its pixel a camera ray goes through: at one place, or, where there are several, at points of a scrambled
+/// (0, 2)-sequence, each pixel's own.
+pub fn pixel_place(frame: &Frame, pixel: u32) -> Vec2 {
+    if frame.jitters <= 1 {
+        return Vec2::splat(frame.pixel_shift);
+    }
+    let [x, y, ..] = pcg4d([pixel % frame.pixels, 0, KEY_CAMERA, frame.seed]);
+    unit_floats(sobol_point(pixel / frame.pixels, [x, y]))
+}
+
+pub fn camera_ray(frame: &Frame, pixel: u32) -> Ray {
+    let [column, row] = pixel_position(frame, pixel);
+    let place = pixel_place(frame, pixel);
+    let (x, y) = (column as f32 + place.x, row as f32 + place.y);
     let along = |start: [f32; 3], dx: [f32; 3], dy: [f32; 3]| {
         Vec3::from(start) + x * Vec3::from(dx) + y * Vec3::from(dy)
     };
@@ -67,10 +80,12 @@ mod tests {
             direction_dx: [0.5, 0.0, 0.0],
             direction_dy: [0.0, -0.25, 0.0],
             pixel_shift: 0.5,
+            width: 8,
+            height: 8,
             camera_t_max: 7.0,
             ..Frame::default()
         };
-        let ray = camera_ray(&frame, [3, 7]);
+        let ray = camera_ray(&frame, 59);
         assert_eq!(ray.origin, Vec3::new(1.0, 2.0, 6.5));
         assert_eq!(ray.direction, Vec3::new(1.75, -1.875, -1.0));
         assert_eq!(ray.t_max, 7.0);

@@ -179,7 +179,7 @@ fn render_pixel(inputs: &Inputs, pixel: u32, samples: &Range<u32>, lcg_state: u3
     let position = camera::pixel_position(inputs.frame, pixel);
     work.works = camera::inside_image(inputs.frame, position) && !samples.is_empty();
     if work.works {
-        let ray = camera::camera_ray(inputs.frame, position);
+        let ray = camera::camera_ray(inputs.frame, pixel);
         let (hit, overflowed) = traverse::closest_hit(inputs, &ray, no_hit(ray.t_max));
         work.overflowed += u32::from(overflowed);
         // The original's far plane is at 1, its near plane at 0.
@@ -236,7 +236,7 @@ fn outcome(works: &[PixelWork]) -> Outcome {
 pub fn camera_rays(inputs: &Inputs) -> Vec<RayRecord> {
     let record = |pixel| {
         let position = camera::pixel_position(inputs.frame, pixel);
-        let ray = camera::camera_ray(inputs.frame, position);
+        let ray = camera::camera_ray(inputs.frame, pixel);
         let t_max = if camera::inside_image(inputs.frame, position) { ray.t_max } else { -1.0 };
         Ray { t_max, ..ray }.record()
     };
@@ -252,8 +252,7 @@ pub fn ambient_rays(inputs: &Inputs, hits: &[HitRecord], sample: u32) -> Vec<Ray
         }
         let pixel = pixel as u32;
         let hit = Hit { t: record.t, u: record.u, v: record.v, index: record.index, id: 0 };
-        let position = camera::pixel_position(inputs.frame, pixel);
-        let surface = surface_at(inputs, &camera::camera_ray(inputs.frame, position), &hit);
+        let surface = surface_at(inputs, &camera::camera_ray(inputs.frame, pixel), &hit);
         ambient_ray(inputs, &surface, pcg_numbers(inputs, pixel, sample)).record()
     };
     hits.par_iter().enumerate().map(record).collect()

@@ -14,7 +14,7 @@ use super::seeds::lcg_seeds;
 use super::stage::Stage;
 use super::tally::{Tally, Totals};
 use crate::error::{Error, Result};
-use crate::layout::{self, Carry, Count, Counters, FRAME_SAMPLES, Range};
+use crate::layout::{self, Budget, Carry, Count, Counters, FRAME_SAMPLES, MISSED, Range};
 use crate::vk::{Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, Finished, Hazard};
 
 /// A span of pixel numbers and the buffers that hold an element for each of them.
@@ -28,6 +28,8 @@ pub struct Band<'a> {
     /// Rays per ms, once that was measured.
     rate: Cell<Option<f64>>,
     work: Buffer,
+    /// Of each pixel, where they differ.
+    budgets: Buffer,
 }
 
 /// Where a submit counts what it does.
@@ -66,20 +68,29 @@ impl<'a> Band<'a> {
             batch.wait()?;
             Ok(buffer)
         };
-        let states = match plan.settings.sampler {
-            Sampler::Lcg => lcg_seeds(begin, end, plan.job.seed),
-            _ => vec![0; 4],
-        };
         Ok(Self {
             stage,
             pixels: begin..end,
             counts: zeroed("counts", counts_rays(plan), size_of::<Count>())?,
-            seeds: Buffer::with_content(device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))?,
+            seeds: seeds(stage, begin..end)?,
             carry: zeroed("carry", plan.brute(), size_of::<Carry>())?,
             between: Buffers::new(device, plan, pixels)?,
             rate: Cell::new(None),
             work: zeroed("work", plan.counts_work(), size_of::<layout::Work>())?,
+            budgets: zeroed("budgets", plan.job.adaptive, size_of::<Budget>())?,
         })
+    }
+
+    /// Numbers of the pixels' camera rays.
+    pub fn pixels(&self) -> Span<u32> {
+        self.pixels.clone()
+    }
+
+    /// The samples of each pixel in the next go, where they differ.
+    pub fn set_budgets(&mut self, budgets: &[Budget]) -> Result<()> {
+        let content = bytemuck::cast_slice(budgets);
+        self.budgets = Buffer::with_content(self.stage.device, "budgets", BufferUse::Storage, content)?;
+        Ok(())
     }
 
     /// What each pixel's rays cost, if the kernel counts it.
@@ -116,24 +127,28 @@ impl<'a> Band<'a> {
         self.between.forget_hits();
     }
 
-    /// The pixels' counts after so many samples, if that is what is accumulated.
-    pub fn counts(&self, samples: u64) -> Result<Vec<Count>> {
+    /// The pixels' counts, if that is what is accumulated. `samples`: what a pixel has traced by now whose camera ray
+    /// hit, given its place in the band.
+    pub fn counts(&self, samples: impl Fn(usize) -> u64) -> Result<Vec<Count>> {
         if !counts_rays(self.stage.plan) {
             return Ok(Vec::new());
         }
-        let counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.stage.device)?);
+        let mut counts: Vec<Count> = bytemuck::pod_collect_to_vec(&self.counts.read(self.stage.device)?);
+        counts.iter_mut().filter(|count| count.escaped0 == MISSED).for_each(|count| count.escaped0 = 0);
         self.check_counts(&counts, samples)?;
         Ok(counts)
     }
 
     /// Every pixel has traced all its samples or, where its camera ray hit nothing, none.
-    fn check_counts(&self, counts: &[Count], samples: u64) -> Result<()> {
+    fn check_counts(&self, counts: &[Count], samples: impl Fn(usize) -> u64) -> Result<()> {
         let traced = |count: &Count| u64::from(count.traced0) + u64::from(count.traced1);
-        match counts.iter().map(traced).find(|&traced| traced != 0 && traced != samples) {
+        let wrong = |(place, traced): &(usize, u64)| *traced != 0 && *traced != samples(*place);
+        match counts.iter().map(traced).enumerate().find(wrong) {
             None => Ok(()),
-            Some(traced) => Err(Error::device(format!(
-                "A pixel traced {traced} rays where {samples} were asked for: report this with the output of `cousu \
-                 doctor`, and choose another device."
+            Some((place, traced)) => Err(Error::device(format!(
+                "A pixel traced {traced} rays where {} were asked for: report this with the output of `cousu \
+                 doctor`, and choose another device.",
+                samples(place)
             ))),
         }
     }
@@ -221,6 +236,7 @@ impl<'a> Band<'a> {
             (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
             (layout::BINDING_COUNTERS, Binding::Buffer(&slot.counters)),
             (layout::BINDING_WORK, Binding::Buffer(&self.work)),
+            (layout::BINDING_BUDGETS, Binding::Buffer(&self.budgets)),
         ];
         bindings
             .extend(self.stage.image.as_ref().map(|image| (layout::BINDING_IMAGE, Binding::Image(image))));
@@ -284,6 +300,15 @@ impl Slot {
             readback: Buffer::new(device, "counters (readback)", BufferUse::Readback, bytes)?,
         })
     }
+}
+
+/// States of the original's generator at the start, where it is used.
+fn seeds(stage: &Stage<'_>, pixels: Span<u32>) -> Result<Buffer> {
+    let states = match stage.plan.settings.sampler {
+        Sampler::Lcg => lcg_seeds(pixels.start, pixels.end, stage.seed),
+        _ => vec![0; 4],
+    };
+    Buffer::with_content(stage.device, "seeds", BufferUse::Storage, bytemuck::cast_slice(&states))
 }
 
 fn counts_rays(plan: &Plan<'_>) -> bool {

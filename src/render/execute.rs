@@ -2,23 +2,33 @@
 
 use std::time::Instant;
 
+use super::adaptive::{PILOT, Shares};
 use super::band::Band;
 use super::choices::{Accumulator, Passes};
-use super::picture::Accumulated;
+use super::picture::{Accumulated, ErrorEstimate, rmse_estimate};
 use super::plan::Plan;
+use super::rounds::{Goal, Round, Rounds};
+use super::seeds::hash;
 use super::spans::Spans;
 use super::stage::{Stage, Uploaded};
 use super::tally::{KernelTime, Progress, Tally};
 use crate::error::Result;
-use crate::layout::{self, Carry, Count, RayRecord, Work};
+use crate::layout::{self, Budget, Carry, Count, RayRecord, Work};
 use crate::vk::{Device, ImageFormat};
 
 /// What came of a render.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     pub accumulated: Accumulated,
+    /// Samples of a camera ray that hit; the mean where each has its own number.
+    pub samples: u32,
+    /// Where the picture's rays are counted.
+    pub error: Option<ErrorEstimate>,
+    /// Rounds of samples, a pilot not counted.
+    pub rounds: usize,
     pub kernels: Vec<KernelTime>,
     pub primary_rays: u64,
+    /// A pilot's included.
     pub ambient_rays: u64,
     /// Rays that lost a part of the tree to a full stack (`--allow-overflow`).
     pub overflowed_rays: u64,
@@ -40,24 +50,22 @@ pub fn run_traced(
     observe: &mut dyn FnMut(&Progress),
     spans: Option<&mut Spans>,
 ) -> Result<Outcome> {
+    let start = Instant::now();
     let mut tally = Tally::new(plan, observe);
     tally.spans = spans;
-    let begin = Instant::now();
     let uploaded = Uploaded::new(device, plan)?;
-    tally.phase("pack and upload", begin);
+    tally.phase("pack and upload", start);
     let begin = Instant::now();
-    let stage = Stage::with_uploaded(device, plan, uploaded)?;
+    let mut stage = Stage::with_uploaded(device, plan, uploaded)?;
     tally.phase("compile kernels", begin);
-    let mut counts: Vec<Count> = Vec::new();
-    for (begin, end) in bands(plan, device) {
-        let start = Instant::now();
-        let band = Band::new(&stage, begin, end)?;
-        tally.phase("make buffers", start);
-        band.render(plan.job.samples.clone(), &mut tally)?;
-        let start = Instant::now();
-        counts.extend(band.counts(plan.job.samples.len() as u64)?);
-        tally.phase("read counts", start);
-    }
+    let mut rounds = Rounds::new(plan.job.goal, plan.settings.sampler, plan.job.samples.len() as u32);
+    let in_rounds = plan.job.goal != Goal::Samples || plan.job.adaptive;
+    let counts = if in_rounds {
+        let shares = if plan.job.adaptive { Some(pilot(&mut stage, &mut tally)?) } else { None };
+        render_in_rounds(&stage, shares.as_ref(), &mut rounds, start, &mut tally)?
+    } else {
+        render_at_once(&stage, &mut tally)?
+    };
     let begin = Instant::now();
     let accumulated = match (&stage.image, image_format(plan)) {
         (Some(image), Some(format)) => {
@@ -69,7 +77,10 @@ pub fn run_traced(
         tally.phase("read image", begin);
     }
     Ok(Outcome {
+        error: rmse_estimate(plan.tiles, &accumulated),
         accumulated,
+        samples: rounds.last().map_or(plan.job.samples.len() as u32, |round| round.samples),
+        rounds: rounds.count().max(1),
         kernels: tally.kernels.into_values().collect(),
         primary_rays: tally.totals.primary_finished,
         ambient_rays: tally.totals.ambient_finished,
@@ -78,6 +89,107 @@ pub fn run_traced(
         repeats: tally.repeats,
     })
 }
+
+/// All samples, band after band: only one band's buffers are there at a time.
+fn render_at_once(stage: &Stage<'_>, tally: &mut Tally<'_>) -> Result<Vec<Count>> {
+    let samples = stage.plan.job.samples.clone();
+    let mut counts = Vec::new();
+    for (begin, end) in bands(stage.plan, stage.device) {
+        let start = Instant::now();
+        let band = Band::new(stage, begin, end)?;
+        tally.phase("make buffers", start);
+        band.render(samples.clone(), tally)?;
+        let start = Instant::now();
+        counts.extend(band.counts(|_| samples.len() as u64)?);
+        tally.phase("read counts", start);
+    }
+    Ok(counts)
+}
+
+/// Rounds of samples until the goal is reached. The counts of all bands after each tell how far it is.
+fn render_in_rounds(
+    stage: &Stage<'_>,
+    shares: Option<&Shares>,
+    rounds: &mut Rounds,
+    start: Instant,
+    tally: &mut Tally<'_>,
+) -> Result<Vec<Count>> {
+    let plan = stage.plan;
+    let first = plan.job.samples.start;
+    let mut bands = all_bands(stage)?;
+    let mut given = vec![0; plan.tiles.numbers() as usize];
+    let mut counts = Vec::new();
+    while let Some(mean) = rounds.next() {
+        let wanted = match shares {
+            Some(shares) => shares.samples(mean),
+            None => vec![mean; given.len()],
+        };
+        let begin = first + least(&given).unwrap_or(0);
+        let end = first + wanted.iter().copied().max().unwrap_or(0);
+        tally.begin_round(rounds, mean, begin..end);
+        counts.clear();
+        for band in &mut bands {
+            let pixels = band.pixels();
+            let pixels = pixels.start as usize..pixels.end as usize;
+            if shares.is_some() {
+                let budget = |(given, wanted): (&u32, &u32)| Budget {
+                    begin: first + given,
+                    end: first + wanted,
+                    ..Budget::default()
+                };
+                let budgets: Vec<Budget> =
+                    given[pixels.clone()].iter().zip(&wanted[pixels.clone()]).map(budget).collect();
+                band.set_budgets(&budgets)?;
+            }
+            band.render(begin..end, tally)?;
+            let begin = Instant::now();
+            counts.extend(band.counts(|place| u64::from(wanted[pixels.start + place]))?);
+            tally.phase("read counts", begin);
+        }
+        given = wanted;
+        let accumulated = Accumulated::Counts(counts);
+        let error = rmse_estimate(plan.tiles, &accumulated);
+        let Accumulated::Counts(back) = accumulated else { return Ok(Vec::new()) };
+        counts = back;
+        // Without a pixel that is covered there is no error.
+        let ErrorEstimate { rmse, uncertainty } =
+            error.unwrap_or(ErrorEstimate { rmse: 0.0, uncertainty: 0.0 });
+        tally.rmse = error.map(|error| error.rmse);
+        rounds.finished(Round { samples: mean, rmse, uncertainty, elapsed: start.elapsed() });
+    }
+    Ok(counts)
+}
+
+fn least(given: &[u32]) -> Option<u32> {
+    given.iter().copied().filter(|&samples| samples > 0).min()
+}
+
+fn all_bands<'a>(stage: &'a Stage<'a>) -> Result<Vec<Band<'a>>> {
+    bands(stage.plan, stage.device).into_iter().map(|(begin, end)| Band::new(stage, begin, end)).collect()
+}
+
+/// Renders a few samples with random numbers of their own, and shares out the samples to come by what they tell.
+fn pilot(stage: &mut Stage<'_>, tally: &mut Tally<'_>) -> Result<Shares> {
+    let begin = Instant::now();
+    let plan = stage.plan;
+    stage.reseed(hash(plan.job.seed, PILOT_SEED))?;
+    let first = plan.job.samples.start;
+    let samples = first..first + PILOT;
+    let mut counts = Vec::new();
+    for (begin, end) in bands(plan, stage.device) {
+        let mut band = Band::new(stage, begin, end)?;
+        let budget = Budget { begin: samples.start, end: samples.end, ..Budget::default() };
+        band.set_budgets(&vec![budget; (end - begin) as usize])?;
+        band.render(samples.clone(), tally)?;
+        counts.extend(band.counts(|_| samples.len() as u64)?);
+    }
+    stage.reseed(plan.job.seed)?;
+    tally.phase("pilot", begin);
+    Ok(Shares::of_pilot(plan.tiles, &counts, plan.settings.sampler))
+}
+
+/// Makes the pilot's seed from the picture's.
+const PILOT_SEED: u32 = 0x7069_6c6f;
 
 pub(super) fn image_format(plan: &Plan<'_>) -> Option<ImageFormat> {
     match plan.settings.accumulator {
@@ -107,7 +219,7 @@ pub(super) fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
         _ => size_of::<Count>(),
     } as u64;
     let pixels = device.adapter().limits.storage_buffer_bytes / largest_record / group * group;
-    let all = plan.tiles.padded_pixels();
+    let all = plan.tiles.numbers();
     let mut bands = Vec::new();
     let mut begin = 0;
     while begin < all {

@@ -1,5 +1,6 @@
 //! A render as plain data (which kernel, which buffers, which pixels and samples) and its execution.
 
+mod adaptive;
 pub mod auto;
 mod band;
 pub mod choices;
@@ -13,6 +14,7 @@ pub mod plan;
 pub mod raylist;
 pub mod repeat;
 pub mod retrace;
+pub mod rounds;
 pub mod schedule;
 pub mod seeds;
 pub mod spans;

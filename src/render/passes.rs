@@ -192,7 +192,9 @@ impl<'a> Recorder<'a> {
         dispatch(batch, kernel, range);
         let starts_rays = range.stage == STAGE_BOTH
             || range.stage == STAGE_CLOSEST && range.triangle_end == self.plan.frame.triangle_count;
-        self.camera_rays(range, starts_rays)
+        // From the second dispatch on, pixels that hit nothing are passed over, and so are those that get no samples.
+        let all_start = !self.plan.job.adaptive && (self.is_fresh(range) || !self.plan.marks_misses());
+        if starts_rays && !all_start { None } else { self.camera_rays(range, starts_rays) }
     }
 
     fn record_split(
@@ -272,11 +274,12 @@ impl<'a> Recorder<'a> {
         let arguments = &self.buffers.arguments;
         let key = |range: &Range| {
             let samples = range.sample_end - range.sample_begin;
-            (range.pixel_begin, range.pixel_end, samples.div_ceil(range.block))
+            (range.pixel_begin, range.pixel_end, samples, range.block)
         };
         // With later samples of the same go a pixel may lag behind, whose rays did not come to their end.
         let first = self.begins == Some(range.sample_begin);
-        if first && self.buffers.listed.get().as_ref().map(key) == Some(key(range)) {
+        let same_for_all = !self.plan.job.adaptive;
+        if first && same_for_all && self.buffers.listed.get().as_ref().map(key) == Some(key(range)) {
             return;
         }
         batch.barrier(&[

@@ -24,15 +24,14 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// `samples`: ambient rays that were asked for at each pixel.
-    pub fn new(tiles: Tiles, accumulated: &Accumulated, samples: u32) -> Self {
+    pub fn new(tiles: Tiles, accumulated: &Accumulated) -> Self {
         let pixels = tiles.width as usize * tiles.height as usize;
         let mut light = Vec::with_capacity(pixels);
         let mut coverage = Vec::with_capacity(pixels);
         for y in 0..tiles.height {
             for x in 0..tiles.width {
                 let (a, alpha) = match accumulated {
-                    Accumulated::Counts(counts) => of_count(&counts[tiles.number(x, y) as usize], samples),
+                    Accumulated::Counts(counts) => of_counts(rays_of(tiles, counts, x, y), tiles.jitters),
                     Accumulated::Means(means) => {
                         let mean = means[y as usize * tiles.width as usize + x as usize];
                         (mean[0], mean[3])
@@ -46,27 +45,60 @@ impl Picture {
     }
 }
 
-fn of_count(count: &Count, samples: u32) -> (f32, f32) {
-    let asked = f64::from(samples.max(1));
-    let escaped = f64::from(count.escaped0) + f64::from(count.escaped1);
-    let traced = f64::from(count.traced0) + f64::from(count.traced1);
-    ((escaped / asked) as f32, (traced / asked) as f32)
+/// The counts of a pixel's camera rays.
+fn rays_of(tiles: Tiles, counts: &[Count], x: u32, y: u32) -> impl Iterator<Item = &Count> {
+    counts[tiles.number(x, y) as usize..].iter().step_by(tiles.padded_pixels() as usize)
 }
 
-/// Root mean square error of the picture, estimated from the difference of each pixel's two halves over
-/// the pixels that have both; `None` if there is none. With halves of n0 and n1 rays whose means are m0
-/// and m1, E (m0 - m1)^2 = s^2 (1/n0 + 1/n1), and the mean of all has variance s^2 / (n0 + n1).
-pub fn rmse_estimate(accumulated: &Accumulated) -> Option<f64> {
-    let Accumulated::Counts(counts) = accumulated else { return None };
-    let mut sum = 0.0;
-    let mut pixels = 0u64;
-    for count in counts.iter().filter(|count| count.traced0 > 0 && count.traced1 > 0) {
-        let (n0, n1) = (f64::from(count.traced0), f64::from(count.traced1));
-        let difference = f64::from(count.escaped0) / n0 - f64::from(count.escaped1) / n1;
-        sum += difference * difference * n0 * n1 / (n0 + n1).powi(2);
-        pixels += 1;
+/// Light and coverage of a pixel: of each camera ray that hits, the share of rays that escaped.
+fn of_counts<'a>(rays: impl Iterator<Item = &'a Count>, jitters: u32) -> (f32, f32) {
+    let (mut light, mut hits) = (0.0, 0.0);
+    for count in rays {
+        let traced = f64::from(count.traced0) + f64::from(count.traced1);
+        if traced > 0.0 {
+            light += (f64::from(count.escaped0) + f64::from(count.escaped1)) / traced;
+            hits += 1.0;
+        }
     }
-    (pixels > 0).then(|| (sum / pixels as f64).sqrt())
+    let jitters = f64::from(jitters.max(1));
+    ((light / jitters) as f32, (hits / jitters) as f32)
+}
+
+/// Root mean square error of a picture, estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorEstimate {
+    pub rmse: f64,
+    /// One standard error of the mean square error, as a part of it: how far chance may have led the estimate astray.
+    pub uncertainty: f64,
+}
+
+/// Estimates the error from the difference of each camera ray's two halves, over the pixels that are covered wholly;
+/// `None` if there is none. With halves of n0 and n1 rays whose means are m0 and m1, E (m0 - m1)^2 = s^2 (1/n0 + 1/n1),
+/// and the mean of all has variance s^2 / (n0 + n1). The halves' random numbers are independent, so this holds for any
+/// sampler, and a pixel's camera rays are independent of each other, so their squares add up.
+pub fn rmse_estimate(tiles: Tiles, accumulated: &Accumulated) -> Option<ErrorEstimate> {
+    let Accumulated::Counts(counts) = accumulated else { return None };
+    let (mut sum, mut sum_of_squares, mut pixels) = (0.0, 0.0, 0.0);
+    let weight = f64::from(tiles.jitters.max(1)).powi(-2);
+    for y in 0..tiles.height {
+        for x in 0..tiles.width {
+            let square_error = |count: &Count| {
+                let (n0, n1) = (f64::from(count.traced0), f64::from(count.traced1));
+                let difference = f64::from(count.escaped0) / n0 - f64::from(count.escaped1) / n1;
+                (n0 * n1 > 0.0).then(|| difference * difference * n0 * n1 / (n0 + n1).powi(2))
+            };
+            let all: Option<f64> = rays_of(tiles, counts, x, y).map(square_error).sum();
+            if let Some(square) = all.map(|square| square * weight) {
+                sum += square;
+                sum_of_squares += square * square;
+                pixels += 1.0;
+            }
+        }
+    }
+    let mean = sum / pixels;
+    let spread = (sum_of_squares / pixels - mean * mean).max(0.0) / pixels;
+    let uncertainty = if mean > 0.0 { spread.sqrt() / mean } else { 0.0 };
+    (pixels > 0.0).then(|| ErrorEstimate { rmse: mean.sqrt(), uncertainty })
 }
 
 #[cfg(test)]
@@ -75,10 +107,10 @@ mod tests {
 
     #[test]
     fn counts_become_light_and_coverage() {
-        let tiles = Tiles { width: 2, height: 1 };
+        let tiles = Tiles { width: 2, height: 1, jitters: 1 };
         let mut counts = vec![Count::default(); 64];
         counts[1] = Count { escaped0: 3, traced0: 4, escaped1: 1, traced1: 4 };
-        let picture = Picture::new(tiles, &Accumulated::Counts(counts), 8);
+        let picture = Picture::new(tiles, &Accumulated::Counts(counts));
         assert_eq!((picture.light, picture.coverage), (vec![0.0, 0.5], vec![0.0, 1.0]));
     }
 
@@ -94,10 +126,16 @@ mod tests {
                 })
                 .sum::<u32>()
         };
-        let counts = (0..20_000)
+        let counts = (0..8 * 2504)
             .map(|_| Count { escaped0: toss(), traced0: 8, escaped1: toss(), traced1: 8 })
             .collect();
-        let rmse = rmse_estimate(&Accumulated::Counts(counts)).unwrap();
-        assert!((rmse - 0.125).abs() < 0.125 * 0.03, "{rmse}");
+        let tiles = Tiles { width: 8, height: 2500, jitters: 1 };
+        let Some(estimate) = rmse_estimate(tiles, &Accumulated::Counts(counts)) else {
+            panic!("an estimate")
+        };
+        assert!((estimate.rmse - 0.125).abs() < 0.125 * 0.03, "{estimate:?}");
+        // The square of a normal deviate has a standard deviation of sqrt(2) times its mean.
+        let expected = (2.0f64 / 20_000.0).sqrt();
+        assert!((estimate.uncertainty - expected).abs() < 0.1 * expected, "{estimate:?}");
     }
 }

@@ -7,6 +7,7 @@ use crate::pack;
 use crate::render::auto::{Accessor, Decision};
 use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs};
 use crate::render::geometry::Geometry;
+use crate::render::rounds::Goal;
 use crate::render::schedule::{brute_frame_limit, brute_part};
 use crate::render::tiles::Tiles;
 use crate::scene::Scene;
@@ -19,17 +20,25 @@ pub struct Job {
     pub camera: Camera,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Ambient rays of each pixel: samples `begin` to `end` of its sequence.
+    /// Ambient rays of each camera ray: samples `begin` to `end` of its sequence.
     pub samples: std::ops::Range<u32>,
     pub seed: u32,
     /// Occluders farther away than this do not count; units of the file.
     pub max_distance: Option<f64>,
-    /// Camera rays of a pixel, among which its samples are dealt out.
+    /// Camera rays of a pixel.
     pub jitters: u32,
-    /// Each pixel gets as many of the samples as its error asks for, and all together as many as without.
+    /// Each camera ray gets as many samples as its error asks for, and all together as many as without.
     pub adaptive: bool,
+    /// When it ends, `samples` at the latest.
+    pub goal: Goal,
     /// Samples of a dispatch, where the scheduler should not choose (tests).
     pub block: Option<u32>,
+}
+
+impl Job {
+    pub fn tiles(&self) -> Tiles {
+        Tiles { width: self.size.0, height: self.size.1, jitters: self.jitters }
+    }
 }
 
 /// What an experiment changes in how a plan is carried out. Renders leave it alone.
@@ -88,7 +97,7 @@ impl<'a> Plan<'a> {
         let bound = geometry.stack_bound_of(settings.method);
         let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { bound.max(1) };
         let kernels = kernels_of(&settings, decision.accessor)?;
-        let tiles = Tiles { width: job.size.0, height: job.size.1 };
+        let tiles = job.tiles();
         let frame = frame(&job, &settings, scene, geometry);
         if !original {
             check_frame(&frame)?;
@@ -106,6 +115,9 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
                 (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
                 (layout::SPEC_JITTERED, u32::from(job.jitters > 1)),
+                (layout::SPEC_REPEAT, 0),
+                (layout::SPEC_BUDGETS, u32::from(job.adaptive)),
+                (layout::SPEC_MARKS_MISSES, 1),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
@@ -146,6 +158,15 @@ impl<'a> Plan<'a> {
     pub fn resumes(&self) -> bool {
         let adds_anywhere = self.settings.passes == Passes::Split && self.kernels.len() == 3;
         self.settings.accumulator == Accumulator::Count && !adds_anywhere
+    }
+
+    /// Whether pixels whose camera ray hits nothing are passed over by all dispatches but the first. The original went
+    /// on with them, and running means have no room for the mark.
+    pub fn marks_misses(&self) -> bool {
+        let counts = self.settings.accumulator == Accumulator::Count;
+        counts
+            && !self.settings.preset.is_original()
+            && self.constants.contains(&(layout::SPEC_MARKS_MISSES, 1))
     }
 
     pub fn brute(&self) -> bool {
@@ -273,13 +294,32 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
             job.size.0, job.size.1
         )));
     }
-    if (Tiles { width: job.size.0, height: job.size.1 }).padded_pixels() > u64::from(u32::MAX) {
+    if job.tiles().numbers() > u64::from(u32::MAX) {
         return Err(Error::usage(format!(
-            "--size {}x{} has more than 2^32 pixels: choose a smaller size.",
+            "--size {}x{} has more than 2^32 camera rays: choose a smaller size.",
             job.size.0, job.size.1
         )));
     }
     let samples = job.samples.len() as u32;
+    let counts = settings.accumulator == Accumulator::Count;
+    let needs_counts = match job.goal {
+        Goal::Rmse(_) => Some("--target-rmse"),
+        Goal::Time(_) => Some("--time"),
+        Goal::Samples if job.adaptive => Some("--adaptive"),
+        Goal::Samples if job.jitters > 1 => Some("--antialias"),
+        Goal::Samples => None,
+    };
+    if let (Some(option), false) = (needs_counts, counts) {
+        return Err(Error::usage(format!(
+            "{option} needs exact counts, and {} is a running mean: choose --accumulator count.",
+            settings.accumulator.name()
+        )));
+    }
+    if job.adaptive && settings.preset.is_original() {
+        return Err(Error::usage(
+            "The original gives each pixel the same number of rays: leave --adaptive or --preset out.",
+        ));
+    }
     if settings.preset.is_original() && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
         return Err(Error::usage(format!(
             "The original traces {} rays a frame: choose a multiple of it for --spp, not {samples}.",
@@ -379,7 +419,7 @@ pub fn frame_of(
         box_pad: geometry.box_pad,
         sample_base: job.samples.start,
         jitters: job.jitters,
-        pixels: Tiles { width: job.size.0, height: job.size.1 }.padded_pixels() as u32,
+        pixels: job.tiles().padded_pixels() as u32,
         ..Frame::default()
     }
 }

@@ -105,7 +105,7 @@ impl<'a> RayLists<'a> {
 
     /// The camera ray of each pixel number; beyond the image, rays that meet nothing.
     pub fn camera_rays(&self) -> Result<Vec<RayRecord>> {
-        let pixels = self.plan.tiles.padded_pixels() as u32;
+        let pixels = self.plan.tiles.numbers() as u32;
         let unused = Buffer::new(self.device, "no hits", BufferUse::Storage, 16)?;
         let mut all = Vec::with_capacity(pixels as usize);
         for begin in (0..pixels).step_by(MOST_RAYS) {

@@ -82,7 +82,7 @@ impl<'a> Repeated<'a> {
         let samples = u64::from(self.frames) * self.stage.plan.job.samples.len() as u64;
         let mut all = Vec::new();
         for band in &self.bands {
-            all.extend(band.counts(samples)?);
+            all.extend(band.counts(|_| samples)?);
         }
         Ok(all)
     }

@@ -10,7 +10,7 @@ use super::plan::Plan;
 use super::schedule::Pace;
 use crate::error::Result;
 use crate::kernels::NodeLayout;
-use crate::layout::Range;
+use crate::layout::{Frame, Range};
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, Pipeline, PipelineStatistics};
 
 /// The scene's arrays on a device; plans that read the same ones may share them.
@@ -104,6 +104,8 @@ pub struct Stage<'a> {
     pub nodes: Rc<Buffer>,
     pub triangles: Rc<Buffer>,
     pub frame: Buffer,
+    /// Seed of the random numbers.
+    pub seed: u32,
     /// Running means, where they are kept.
     pub image: Option<Image>,
     pub pace: Pace,
@@ -128,9 +130,18 @@ impl<'a> Stage<'a> {
             nodes: uploaded.nodes,
             triangles: uploaded.triangles,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            seed: plan.frame.seed,
             image: new_image(device, plan)?,
             pace: pace(device, plan),
         })
+    }
+
+    /// Takes other random numbers from now on; nothing may be under way.
+    pub fn reseed(&mut self, seed: u32) -> Result<()> {
+        let frame = Frame { seed, ..self.plan.frame };
+        self.frame = Buffer::uniform(self.device, "frame", bytemuck::bytes_of(&frame))?;
+        self.seed = seed;
+        Ok(())
     }
 
     /// Running means of each pixel and its share of hits (in the fourth channel), row by row; none where rays are

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::plan::Plan;
+use super::rounds::Rounds;
 use super::spans::{Spans, Submit};
 use crate::layout::{Counters, Range, STAGE_CLOSEST};
 use crate::vk::Finished;
@@ -26,6 +27,8 @@ pub struct Progress {
     pub rays: u64,
     /// Device time so far.
     pub gpu_ms: f64,
+    /// Estimated error after the rounds so far.
+    pub rmse: Option<f64>,
 }
 
 /// Sums of [`Counters`] over slots and submits.
@@ -75,9 +78,15 @@ pub struct Tally<'a> {
     pub kernels: BTreeMap<String, KernelTime>,
     pub submits: u64,
     pub repeats: u32,
-    /// Pixels times samples, done and in all.
+    /// Camera rays times samples of this round, done and in all.
     done: f64,
     all: f64,
+    /// What was done before this round, as a part of everything, and this round's part.
+    before: f64,
+    share: f64,
+    numbers: f64,
+    /// Estimated error after the last round.
+    pub rmse: Option<f64>,
     triangles: u32,
     observe: &'a mut dyn FnMut(&Progress),
     /// What happened when, where a timeline is wanted.
@@ -92,11 +101,24 @@ impl<'a> Tally<'a> {
             submits: 0,
             repeats: 0,
             done: 0.0,
+            before: 0.0,
+            share: 1.0,
+            numbers: plan.tiles.numbers() as f64,
+            rmse: None,
             triangles: plan.frame.triangle_count,
-            all: plan.tiles.padded_pixels() as f64 * plan.job.samples.len() as f64,
+            all: plan.tiles.numbers() as f64 * plan.job.samples.len() as f64,
             observe,
             spans: None,
         }
+    }
+
+    /// A round of `samples` begins, after which each camera ray has `mean` of them.
+    pub fn begin_round(&mut self, rounds: &Rounds, mean: u32, samples: std::ops::Range<u32>) {
+        let (before, all) = rounds.way(mean);
+        self.before = before / all;
+        self.share = (f64::from(mean) - before) / all;
+        self.done = 0.0;
+        self.all = self.numbers * samples.len() as f64;
     }
 
     /// Notes that a phase of the host's work ends now.
@@ -143,9 +165,11 @@ impl<'a> Tally<'a> {
             }
         }
         (self.observe)(&Progress {
-            done: if self.all > 0.0 { (self.done / self.all).min(1.0) } else { 1.0 },
+            done: self.before
+                + self.share * if self.all > 0.0 { (self.done / self.all).min(1.0) } else { 1.0 },
             rays: self.totals.primary_finished + self.totals.ambient_finished,
             gpu_ms: self.kernels.values().map(|kernel| kernel.gpu_ms).sum(),
+            rmse: self.rmse,
         });
     }
 }

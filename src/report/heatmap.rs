@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn costs_are_coloured_where_they_arise() {
-        let tiles = Tiles { width: 240, height: 9 };
+        let tiles = Tiles { width: 240, height: 9, jitters: 1 };
         let mut works = vec![Work::default(); tiles.padded_pixels() as usize];
         works[tiles.number(3, 2) as usize] = Work { closest_visits: 8, any_tests: 40, ..Work::default() };
         works[tiles.number(4, 2) as usize] = Work { closest_visits: 4, any_tests: 20, ..Work::default() };

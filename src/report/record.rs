@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::manifest::Manifest;
 use crate::bvh::quality::Quality;
 use crate::render::execute::Outcome;
-use crate::render::picture::rmse_estimate;
 use crate::render::plan::Plan;
+use crate::render::rounds::Goal;
 use crate::render::tally::KernelTime;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
@@ -27,7 +27,11 @@ pub struct RenderRecord {
     pub scene: SceneRecord,
     /// Width and height in pixels.
     pub size: [u32; 2],
+    /// Ambient rays of a pixel; the mean of those that hit, where each has its own number.
     pub spp: u32,
+    pub adaptive: bool,
+    /// Camera rays of a pixel.
+    pub antialias: u32,
     pub preset: &'static str,
     pub method: String,
     pub builder: &'static str,
@@ -55,6 +59,8 @@ pub struct RenderRecord {
     /// How often pixels were taken up again because the driver had left a loop early.
     pub repeats: u32,
     pub rmse_estimate: Option<f64>,
+    /// The error that was asked for.
+    pub target_rmse: Option<f64>,
     pub build_ms: f64,
     pub load_ms: f64,
     pub wall_s: f64,
@@ -82,7 +88,9 @@ impl RenderRecord {
                 hash: format!("{:016x}", scene.hash),
             },
             size: [plan.job.size.0, plan.job.size.1],
-            spp: plan.job.samples.len() as u32,
+            spp: outcome.samples.saturating_mul(plan.job.jitters),
+            adaptive: plan.job.adaptive,
+            antialias: plan.job.jitters,
             preset: settings.preset.name(),
             method: settings.method.to_string(),
             builder: settings.builder.name(),
@@ -104,7 +112,11 @@ impl RenderRecord {
             max_stack: plan.stack_bound(),
             overflowed_rays: outcome.overflowed_rays,
             repeats: outcome.repeats,
-            rmse_estimate: rmse_estimate(&outcome.accumulated),
+            rmse_estimate: outcome.error.map(|error| error.rmse),
+            target_rmse: match plan.job.goal {
+                Goal::Rmse(goal) => Some(goal),
+                _ => None,
+            },
             build_ms: plan.geometry.build_ms,
             load_ms: scene.load_ms,
             wall_s,

@@ -9,6 +9,7 @@ use cousu::render::choices::{Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan};
+use cousu::render::rounds::Goal;
 use cousu::scene::camera::Camera;
 use cousu::scene::procedural::{self, Request};
 use cousu::scene::{Mesh, Scene, obj};
@@ -57,6 +58,11 @@ pub fn scene_from(mesh: Mesh, report: obj::Report) -> Scene {
     Scene { path: "test.obj".into(), mesh, bounds, hash, report, load_ms: 0.0 }
 }
 
+/// A camera by its place.
+pub fn pinhole(eye: [f64; 3], target: [f64; 3], up: [f64; 3], fov: f64) -> Camera {
+    Camera::Pinhole { eye, target, up, fov }
+}
+
 /// A job of this size and these samples with the scene's default camera.
 pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Job {
     Job {
@@ -67,6 +73,7 @@ pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Jo
         max_distance: None,
         jitters: 1,
         adaptive: false,
+        goal: Goal::Samples,
         block: None,
     }
 }

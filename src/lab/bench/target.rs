@@ -5,11 +5,12 @@ use super::{Bench, Case};
 use crate::error::Result;
 use crate::kernels::NodeLayout;
 use crate::lab::statistics::Median;
-use crate::layout::FRAME_SAMPLES;
+use crate::layout::{self, FRAME_SAMPLES};
 use crate::render::auto;
 use crate::render::choices::{Accumulator, Passes, Preset};
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
+use crate::render::rounds::Goal;
 
 /// A row's plan. The original traces its own number of rays a frame.
 pub fn plan_of<'a>(
@@ -39,9 +40,12 @@ pub fn plan_sized<'a>(
         max_distance: None,
         jitters: 1,
         adaptive: false,
+        goal: Goal::Samples,
         block: None,
     };
-    Plan::new(job, scene, geometry, &decision, &bench.device.adapter().limits)
+    let plan = Plan::new(job, scene, geometry, &decision, &bench.device.adapter().limits)?;
+    // Every frame is timed with all its camera rays.
+    Ok(plan.with_constant(layout::SPEC_MARKS_MISSES, 0))
 }
 
 /// What a row tells before anything was measured.

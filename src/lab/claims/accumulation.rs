@@ -33,7 +33,7 @@ pub fn same_seeds(lab: &Lab<'_>) -> Result<Evidence> {
     let stage = Stage::new(lab.device, &plan)?;
     let light = |repeated: &Repeated<'_>| -> Result<Vec<f32>> {
         let counts = Accumulated::Counts(repeated.counts()?);
-        Ok(Picture::new(plan.tiles, &counts, repeated.frames() * FRAME_SAMPLES).light)
+        Ok(Picture::new(plan.tiles, &counts).light)
     };
     let mut fresh = Repeated::new(&stage)?;
     let mut sums = vec![0.0f64; reference.light.len()];
@@ -131,7 +131,7 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
         let mut stage = Stage::new(lab.device, &second)?;
         stage.take_means_of(before);
         run(&stage, frames)?;
-        Ok(Picture::new(second.tiles, &Accumulated::Means(stage.means()?.unwrap_or_default()), 1))
+        Ok(Picture::new(second.tiles, &Accumulated::Means(stage.means()?.unwrap_or_default())))
     };
     let (ghost, clean, noise) = (after(0.0, 0)?, after(TURN, 0)?, after(TURN, 1)?);
     let pairs = |other: &Picture| -> Vec<(f32, f32)> {

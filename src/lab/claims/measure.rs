@@ -188,7 +188,7 @@ impl Lab<'_> {
     /// The picture of so many frames.
     pub(super) fn picture(&self, plan: &Plan<'_>, frames: u32) -> Result<Picture> {
         let (accumulated, _) = self.frames(plan, frames)?;
-        Ok(Picture::new(plan.tiles, &accumulated, frames * plan.job.samples.len() as u32))
+        Ok(Picture::new(plan.tiles, &accumulated))
     }
 }
 

@@ -3,11 +3,12 @@
 use super::Lab;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::layout::FRAME_SAMPLES;
+use crate::layout::{self, FRAME_SAMPLES};
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
+use crate::render::rounds::Goal;
 use crate::scene::camera::Camera;
 use crate::scene::obj::Report;
 use crate::scene::procedural::{self, Request};
@@ -77,6 +78,7 @@ impl Lab<'_> {
             max_distance: None,
             jitters: 1,
             adaptive: false,
+            goal: Goal::Samples,
             block: None,
         }
     }
@@ -89,7 +91,9 @@ impl Lab<'_> {
         wishes: &Wishes,
     ) -> Result<Plan<'g>> {
         let decision = auto::decide(wishes, geometry, self.device.adapter());
-        Plan::new(job, scene, geometry, &decision, &self.device.adapter().limits)
+        let plan = Plan::new(job, scene, geometry, &decision, &self.device.adapter().limits)?;
+        // Every frame has all its camera rays.
+        Ok(plan.with_constant(layout::SPEC_MARKS_MISSES, 0))
     }
 
     /// A frame of four rays with these choices.

@@ -25,7 +25,7 @@ fn exact<'g>(lab: &Lab<'_>, scene: &Scene, geometry: &'g Geometry, entries: u32)
 
 /// Pixels whose 8-bit means differ.
 fn pixels_apart(a: &Accumulated, b: &Accumulated, plan: &Plan<'_>) -> usize {
-    let light = |accumulated| Picture::new(plan.tiles, accumulated, 1).light;
+    let light = |accumulated| Picture::new(plan.tiles, accumulated).light;
     light(a).iter().zip(&light(b)).filter(|(a, b)| a != b).count()
 }
 

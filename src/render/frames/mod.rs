@@ -30,6 +30,8 @@ fn range_of(plan: &Plan<'_>, number: u32) -> Range {
         triangle_begin: 0,
         triangle_end: plan.frame.triangle_count,
         stage: STAGE_BOTH,
+        set_begin: number * FRAME_SAMPLES,
+        set_end: (number + 1) * FRAME_SAMPLES,
         ..Range::default()
     }
 }

@@ -57,6 +57,7 @@ impl<'a> Stage<'a> {
             (layout::BINDING_IMAGE, Binding::Image(&self.image)),
             (layout::BINDING_SEEDS, Binding::Buffer(&self.seeds)),
             (layout::BINDING_CARRY, Binding::Buffer(&self.carry)),
+            (layout::BINDING_BUDGETS, Binding::Buffer(&self.unused)),
             (layout::BINDING_COUNTERS, Binding::Buffer(&self.counters)),
         ])?;
         let mut frames = VulkanFrames { stage: self, kernel };
