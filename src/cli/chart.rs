@@ -6,25 +6,20 @@ use clap::Args;
 
 use super::args::{CameraArguments, distance, size};
 use super::bench::subject;
-use super::progress::{Meter, RowMeter};
+use super::chart_run::{ENDINGS, Run};
 use super::session::{self, DeviceArguments};
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::lab::chart::curves::{self, Choices, Lists};
+use crate::lab::chart::curves::{self, Lists};
 use crate::lab::chart::levels::{MOST_SPP, Rule};
-use crate::lab::chart::results::{Curve, Point, TimeTo};
-use crate::lab::chart::{Chart, Given, Options, SceneFacts, Watch};
-use crate::render::choices::{Method, Passes, Preset, Sampler, Wishes};
-use crate::render::geometry::Geometry;
-use crate::render::tally::Progress;
+use crate::lab::chart::{Chart, Given, Options, Watch};
+use crate::render::choices::{Method, Passes, Preset, Sampler};
 use crate::report::atomic::{Output, folder, refuse_overwriting};
-use crate::report::chart::{Record, write_csv};
+use crate::report::chart::{Listed, Record};
 use crate::report::chart_resume::Earlier;
+use crate::report::exr_read;
 use crate::report::exr_references::{References, usual_folder};
 use crate::report::manifest::Manifest;
-use crate::report::png::{self, Encoding};
-use crate::report::{chart_plot, chart_table, exr_read};
-use crate::scene::Scene;
 use crate::vk::{Adapter, DeviceKind};
 
 #[derive(Args)]
@@ -99,59 +94,54 @@ const REFERENCE_SPP: u32 = 65_536;
 const QUICK_REFERENCE_SPP: u32 = 8192;
 /// Runs of a point are enough when they took this part of the budget together.
 const ENOUGH: f64 = 0.03;
-/// The clock may move by so much before a person is told.
-const STEADY: f64 = 1.05;
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let scenes = match &arguments.scenes[..] {
+    let mut scenes = match &arguments.scenes[..] {
         [] if arguments.quick => vec!["cornell".to_string()],
         [] => vec!["cornell".into(), "maison".into()],
         named => named.to_vec(),
     };
+    let mut named = Vec::new();
+    scenes.retain(|scene| {
+        !named.contains(scene) && {
+            named.push(scene.clone());
+            true
+        }
+    });
     check(arguments, &scenes)?;
     let (earlier, note) = Earlier::read(&arguments.output.join("chart.json"));
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let options = options(arguments, adapter);
     let given = given(arguments, options.size)?;
-    let manifest = Manifest::of_several(&[], adapter, options.seed);
-    let mut run = Run {
-        record: Record {
-            device: adapter.name.clone(),
-            driver: adapter.driver.clone(),
-            size: [options.size.0, options.size.1],
-            seed: options.seed,
-            budget_s: options.rule.budget_ms * 1e-3,
-            clock_spread: None,
-            scenes: Vec::new(),
-            curves: Vec::new(),
-            time_to_rmse: Vec::new(),
-            notes: Vec::new(),
-            pictures: Vec::new(),
-            manifest,
-        },
-        folder: &arguments.output,
-        earlier,
-        resumes: false,
-        taken: 0,
-        scene: String::new(),
-        meter: RowMeter::new(),
-        reference: None,
+    let record = Record {
+        device: adapter.name.clone(),
+        driver: adapter.driver.clone(),
+        size: [options.size.0, options.size.1],
+        seed: options.seed,
+        budget_s: options.rule.budget_ms * 1e-3,
+        clock_spread: None,
+        scenes: Listed::default(),
+        curves: Listed::default(),
+        time_to_rmse: Listed::default(),
+        notes: Vec::new(),
+        pictures: Vec::new(),
+        manifest: Manifest::of_several(&[], adapter, options.seed),
     };
+    let mut run = Run::new(record, &arguments.output, &scenes, earlier);
     note.iter().for_each(|note| run.note(note));
     notes_on_references(arguments, &options, given.as_ref()).iter().for_each(|note| run.note(note));
     super::print(&format!("{} ({})\n", run.record.device, run.record.driver))?;
     let chart = Chart::new(&device, &options)?;
     let mut hashes = Vec::new();
     let mut first_error = None;
-    for name in &scenes {
+    for (place, name) in scenes.iter().enumerate() {
         let outcome = subject(name, arguments.seed).and_then(|subject| {
             hashes.push(subject.scene.hash);
             run.record.manifest = Manifest::of_several(&hashes, adapter, options.seed);
             let camera = arguments.camera.camera(&subject.scene, Preset::Auto)?;
             let mut store = store(arguments, &run.record.manifest, &mut run.record.notes)?;
-            run.meter.scene(name);
-            run.scene.clone_from(name);
+            run.scene(name, &picture_name(&scenes, place));
             chart.scene(&subject, camera, given.as_ref(), &mut store, &mut run)?;
             store.note.iter().for_each(|note| run.note(note));
             run.record.clock_spread = chart.drift.spread();
@@ -185,23 +175,29 @@ fn check(arguments: &Arguments, scenes: &[String]) -> Result<()> {
     }
     folder(&arguments.output)?;
     let mut results = vec![arguments.output.join("chart.json"), arguments.output.join("chart.csv")];
-    results.extend(scenes.iter().flat_map(|scene| pictures(&arguments.output, scene)));
-    let mut unlike = results.clone();
-    unlike.sort();
-    unlike.dedup();
-    let results: Vec<&Path> = unlike.iter().map(PathBuf::as_path).collect();
+    for place in 0..scenes.len() {
+        let name = picture_name(scenes, place);
+        results.extend(ENDINGS.map(|ending| arguments.output.join(format!("{name}.{ending}"))));
+    }
+    let results: Vec<&Path> = results.iter().map(PathBuf::as_path).collect();
     let inputs: Vec<&Path> = scenes.iter().map(Path::new).filter(|path| path.exists()).collect();
     let references = arguments.reference.iter().map(PathBuf::as_path);
     refuse_overwriting(&results, &inputs.into_iter().chain(references).collect::<Vec<_>>())?;
     results.iter().try_for_each(|path| Output::claim(path).map(drop))
 }
 
-/// A scene's PNG and SVG.
-fn pictures(folder: &Path, scene: &str) -> [PathBuf; 2] {
-    let stem = Path::new(scene).file_stem().map_or(scene.into(), |stem| stem.to_string_lossy());
-    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '-' };
-    let name: String = stem.chars().map(plain).collect();
-    ["png", "svg"].map(|ending| folder.join(format!("chart-{name}.{ending}")))
+/// What a scene's pictures are called, without ending: after its file, and numbered where that was before.
+fn picture_name(scenes: &[String], place: usize) -> String {
+    let stem = |scene: &String| -> String {
+        let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '-' };
+        let stem = Path::new(scene).file_stem().map_or(scene.into(), |stem| stem.to_string_lossy());
+        stem.chars().map(plain).collect()
+    };
+    let own = stem(&scenes[place]);
+    match scenes[..place].iter().filter(|scene| stem(scene) == own).count() {
+        0 => format!("chart-{own}"),
+        before => format!("chart-{own}-{}", before + 1),
+    }
 }
 
 fn lists(arguments: &Arguments) -> Lists {
@@ -292,139 +288,4 @@ fn store(arguments: &Arguments, manifest: &Manifest, notes: &mut Vec<String>) ->
         notes.push(note);
         References::new(None, manifest.text())
     })
-}
-
-/// A run under way: its record, saved with every point.
-struct Run<'a> {
-    record: Record,
-    folder: &'a Path,
-    earlier: Earlier,
-    /// The earlier run asked the same of this scene.
-    resumes: bool,
-    /// Points taken over from it.
-    taken: usize,
-    scene: String,
-    meter: RowMeter,
-    /// The number of the reference that is made, and how far it is.
-    reference: Option<(usize, Meter)>,
-}
-
-impl Run<'_> {
-    fn save(&self) -> Result<()> {
-        Output::claim(&self.folder.join("chart.json"))?.write(|out| {
-            serde_json::to_writer_pretty(&mut *out, &self.record)?;
-            out.write_all(b"\n")
-        })
-    }
-
-    fn quiet(&mut self) {
-        self.meter.clear();
-        if let Some((_, meter)) = self.reference.take() {
-            meter.finish();
-        }
-    }
-
-    /// The scene's table and pictures.
-    fn scene_done(&mut self) -> Result<()> {
-        self.quiet();
-        let Some(facts) = self.record.scenes.iter().find(|facts| facts.scene == self.scene).cloned() else {
-            return Ok(());
-        };
-        let [png_path, svg_path] = pictures(self.folder, &self.scene);
-        let fail = |error: std::io::Error| Error::other(format!("The chart could not be drawn ({error})."));
-        let pixels = chart_plot::pixels(&self.record, &facts).map_err(fail)?;
-        let svg = chart_plot::svg(&self.record, &facts).map_err(fail)?;
-        Output::claim(&png_path)?
-            .write(|mut out| png::write_rgb(&pixels, Encoding::Srgb, &self.record.manifest, &mut out))?;
-        Output::claim(&svg_path)?.write(|out| out.write_all(svg.as_bytes()))?;
-        let names = [png_path, svg_path];
-        let names = names.iter().filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()));
-        self.record.pictures.extend(names);
-        Output::claim(&self.folder.join("chart.csv"))?
-            .write(|mut out| write_csv(&self.record.curves, &mut out))?;
-        self.save()?;
-        super::print(&format!("{}\n", chart_table::table(&self.record, &facts)))
-    }
-
-    fn finish(mut self, first_error: Option<Error>) -> Result<()> {
-        self.quiet();
-        if self.record.curves.is_empty() {
-            let nothing = || Error::device("No curve could be measured: see above.");
-            return Err(first_error.unwrap_or_else(nothing));
-        }
-        if let Some(spread) = self.record.clock_spread.filter(|spread| *spread > STEADY) {
-            self.note(&format!(
-                "!!! {} ran up to {:.0}% slower at times (its clock fell, or others were at work on it): times differ by as \
-                 much for no other reason.",
-                self.record.device,
-                (spread - 1.0) * 100.0
-            ));
-        }
-        self.save()?;
-        super::print(chart_table::LEGEND)
-    }
-}
-
-impl Watch for Run<'_> {
-    fn build(&mut self, scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
-        self.quiet();
-        session::geometry(scene, wishes)
-    }
-
-    fn note(&mut self, text: &str) {
-        self.quiet();
-        super::tell(text);
-        self.record.notes.push(text.to_string());
-    }
-
-    fn reference(&mut self, number: usize, progress: &Progress) {
-        if self.reference.as_ref().is_none_or(|(known, _)| *known != number) {
-            self.quiet();
-            super::tell(&format!("{}: reference {} of 2", self.scene, number + 1));
-            self.reference = Some((number, Meter::new()));
-        }
-        if let Some((_, meter)) = &mut self.reference {
-            meter.observe(progress);
-        }
-    }
-
-    fn begin(&mut self, facts: SceneFacts) -> Result<()> {
-        self.quiet();
-        self.taken = 0;
-        self.resumes = true;
-        if let Some(difference) = self.earlier.differs(&self.record, &facts) {
-            self.resumes = false;
-            self.note(&format!(
-                "{}: chart.json answers another question ({difference}) and is written anew.",
-                facts.scene
-            ));
-        }
-        self.record.scenes.retain(|known| known.scene != facts.scene);
-        self.record.scenes.push(facts);
-        Ok(())
-    }
-
-    fn known(&mut self, _label: &str, choices: &Choices) -> Vec<Point> {
-        if !self.resumes {
-            return Vec::new();
-        }
-        let points = self.earlier.points(&self.scene, choices);
-        self.taken += points.len();
-        points
-    }
-
-    fn progress(&mut self, what: &str, done: usize, all: usize) {
-        self.meter.observe(what, done, all);
-    }
-
-    fn measured(&mut self, curves: &[Curve], times: &[TimeTo]) -> Result<()> {
-        if self.taken > 0 {
-            let taken = std::mem::take(&mut self.taken);
-            self.quiet();
-            super::tell(&format!("{}: {taken} points are taken over from chart.json.", self.scene));
-        }
-        let scene = self.scene.clone();
-        self.record.set_scene(&scene, curves, times);
-        self.save()
-    }
 }

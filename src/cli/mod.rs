@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod chart;
+mod chart_run;
 mod claims;
 mod compare;
 mod devices;

@@ -2,7 +2,9 @@
 
 use std::io::{self, Write};
 
-use serde::Serialize;
+use serde::ser::SerializeSeq;
+use serde::{Serialize, Serializer};
+use serde_json::Value;
 
 use super::bench::{quoted, shown};
 use super::manifest::Manifest;
@@ -21,9 +23,9 @@ pub struct Record {
     pub budget_s: f64,
     /// The slowest moment's time of a fixed amount of work over the fastest one's.
     pub clock_spread: Option<f64>,
-    pub scenes: Vec<SceneFacts>,
-    pub curves: Vec<Curve>,
-    pub time_to_rmse: Vec<TimeTo>,
+    pub scenes: Listed<SceneFacts>,
+    pub curves: Listed<Curve>,
+    pub time_to_rmse: Listed<TimeTo>,
     /// What a reader should know: what was left out, and why.
     pub notes: Vec<String>,
     /// Files with the pictures, beside this one.
@@ -31,22 +33,55 @@ pub struct Record {
     pub manifest: Manifest,
 }
 
+/// What this run found, and what an earlier one found of scenes whose turn has not come.
+#[derive(Clone, Debug)]
+pub struct Listed<T> {
+    pub own: Vec<T>,
+    pub kept: Vec<Value>,
+}
+
+impl<T> Default for Listed<T> {
+    fn default() -> Self {
+        Self { own: Vec::new(), kept: Vec::new() }
+    }
+}
+
+impl<T: Serialize> Serialize for Listed<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut list = serializer.serialize_seq(Some(self.own.len() + self.kept.len()))?;
+        self.own.iter().try_for_each(|one| list.serialize_element(one))?;
+        self.kept.iter().try_for_each(|one| list.serialize_element(one))?;
+        list.end()
+    }
+}
+
 impl Record {
+    /// The scene's turn has come: what was kept of it is no longer.
+    pub fn begin_scene(&mut self, facts: SceneFacts) {
+        for kept in [&mut self.scenes.kept, &mut self.curves.kept, &mut self.time_to_rmse.kept] {
+            kept.retain(|one| one["scene"] != facts.scene);
+        }
+        self.scenes.own.push(facts);
+    }
+
     /// Puts a scene's curves in the place of those that it has.
     pub fn set_scene(&mut self, scene: &str, curves: &[Curve], times: &[TimeTo]) {
-        self.curves.retain(|curve| curve.scene != scene);
-        self.time_to_rmse.retain(|time| time.scene != scene);
-        self.curves.extend_from_slice(curves);
-        self.time_to_rmse.extend_from_slice(times);
+        self.curves.own.retain(|curve| curve.scene != scene);
+        self.time_to_rmse.own.retain(|time| time.scene != scene);
+        self.curves.own.extend_from_slice(curves);
+        self.time_to_rmse.own.extend_from_slice(times);
     }
 
     pub fn curves_of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a Curve> {
-        self.curves.iter().filter(move |curve| curve.scene == scene)
+        self.curves.own.iter().filter(move |curve| curve.scene == scene)
     }
 
     /// The times of a curve, in the order of the errors.
     pub fn times_of<'a>(&'a self, curve: &'a Curve) -> impl Iterator<Item = &'a TimeTo> {
-        self.time_to_rmse.iter().filter(move |time| time.scene == curve.scene && time.label == curve.label)
+        self.time_to_rmse
+            .own
+            .iter()
+            .filter(move |time| time.scene == curve.scene && time.label == curve.label)
     }
 }
 

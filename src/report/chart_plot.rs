@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io;
 
 use image::RgbImage;
-use plotters::prelude::{BLACK, DrawingBackend, RGBColor};
+use plotters::prelude::{DrawingBackend, RGBColor};
 
 use super::chart::Record;
 use super::plot::{self, Anchor, At, Canvas, LogAxis, Marker, Stroke};
@@ -51,28 +51,41 @@ struct Look {
     dash: Option<(f64, f64)>,
 }
 
-/// Colours that curves of one kind are told apart by.
-const COLOURS: [(u8, u8, u8); 8] = [
-    (214, 39, 40),
-    (26, 148, 80),
-    (148, 80, 190),
-    (232, 119, 20),
-    (23, 165, 188),
-    (140, 86, 75),
-    (214, 90, 170),
-    (130, 140, 20),
-];
+/// Colours of a kind of curves: kinds differ by family and marker, curves of a kind by their colour.
+fn colours(varies: Varies) -> &'static [(u8, u8, u8)] {
+    match varies {
+        Varies::Original => &[(178, 34, 34), (120, 120, 126)],
+        Varies::Base => &[(0, 0, 0)],
+        Varies::Nothing => &[(16, 92, 215)],
+        Varies::Sampler => {
+            &[(150, 20, 60), (226, 38, 38), (255, 128, 14), (226, 92, 170), (245, 175, 100), (190, 100, 60)]
+        }
+        Varies::Method => {
+            &[(0, 105, 92), (23, 165, 188), (96, 178, 48), (20, 140, 70), (110, 190, 170), (150, 160, 20)]
+        }
+        Varies::Passes => &[(120, 60, 185), (180, 125, 222), (80, 30, 120)],
+        Varies::Surface => &[(130, 82, 64), (196, 152, 30), (96, 100, 112)],
+        Varies::Asked => &[
+            (226, 38, 38),
+            (26, 148, 80),
+            (148, 80, 190),
+            (255, 128, 14),
+            (23, 165, 188),
+            (140, 86, 75),
+            (226, 92, 170),
+            (130, 140, 20),
+        ],
+    }
+}
 
-/// The kind of a curve gives the marker, its place among them the colour.
 fn look(varies: Varies, place: usize) -> Look {
-    let (r, g, b) = COLOURS[place % COLOURS.len()];
-    let plain = |marker| Look { colour: RGBColor(r, g, b), marker, width: 1.5, dash: None };
+    let colours = colours(varies);
+    let (r, g, b) = colours[place % colours.len()];
+    let plain = |marker| Look { colour: RGBColor(r, g, b), marker, width: 1.6, dash: None };
     match varies {
         Varies::Original => Look { dash: Some((9.0, 5.0)), width: 1.8, ..plain(Marker::Cross) },
-        Varies::Base => Look { colour: BLACK, marker: Marker::Cross, width: 3.2, dash: None },
-        Varies::Nothing => {
-            Look { colour: RGBColor(16, 92, 215), marker: Marker::Circle, width: 4.2, dash: None }
-        }
+        Varies::Base => Look { width: 3.2, ..plain(Marker::Cross) },
+        Varies::Nothing => Look { width: 4.2, ..plain(Marker::Circle) },
         Varies::Sampler | Varies::Asked => plain(Marker::Up),
         Varies::Method => plain(Marker::Square),
         Varies::Passes => plain(Marker::Diamond),
@@ -96,7 +109,8 @@ const KINDS: [(Varies, &str); 8] = [
 struct Shown<'a> {
     curve: &'a Curve,
     look: Look,
-    name: String,
+    /// Labels of curves that make the same choices.
+    same: Vec<&'a str>,
 }
 
 fn shown<'a>(record: &'a Record, facts: &'a SceneFacts) -> Vec<Shown<'a>> {
@@ -109,8 +123,7 @@ fn shown<'a>(record: &'a Record, facts: &'a SceneFacts) -> Vec<Shown<'a>> {
         *place += 1;
         let same =
             record.curves_of(&facts.scene).filter(|other| other.same_as.as_ref() == Some(&curve.label));
-        let labels: Vec<&str> = std::iter::once(curve).chain(same).map(|curve| &curve.label[..]).collect();
-        Shown { curve, look, name: labels.join(" = ") }
+        Shown { curve, look, same: same.map(|curve| &curve.label[..]).collect() }
     });
     curves.collect()
 }
@@ -207,7 +220,7 @@ fn guides<B: DrawingBackend>(
     let best = points().map(|point| point.gpu_ms * point.place().1.powi(2)).fold(f64::INFINITY, f64::min);
     let Some(first) = points().map(|point| point.gpu_ms).min_by(f64::total_cmp) else { return Ok(()) };
     let start = ((best / first).sqrt() * 0.62).clamp(y.low, y.high);
-    for (power, name) in [(-0.5, "N^-1/2"), (-0.75, "N^-3/4"), (-1.0, "N^-1")] {
+    for (power, name) in [(-0.5, "-1/2"), (-0.75, "-3/4"), (-1.0, "-1")] {
         let value = |t: f64| start * (t / first).powf(power);
         // To the panel's edge, but no farther than three decades.
         let end = (first * (start / y.low).powf(-1.0 / power)).min(x.high).min(first * 1e3);
@@ -216,9 +229,11 @@ fn guides<B: DrawingBackend>(
         }
         let at = |t: f64| (x.at(t), y.at(value(t)));
         canvas.line(&[at(first), at(end)], &Stroke::new(SOFT, 1.0).dashed(2.0, 4.0))?;
-        let label = end * 0.8;
-        let (lx, ly) = at(label);
-        canvas.text(name, (lx - 6.0, ly - 2.0), 14.0, SOFT, Anchor::Right)?;
+        let (right, middle) = at(end * 0.8);
+        let (right, middle) = (right - 8.0, middle + 2.0);
+        let raised = 6.0 * name.len() as f64;
+        canvas.text("N", (right - raised, middle), 15.0, SOFT, Anchor::Right)?;
+        canvas.text(name, (right - raised + 1.0, middle - 6.0), 11.0, SOFT, Anchor::Left)?;
     }
     Ok(())
 }
@@ -296,8 +311,13 @@ fn legend<B: DrawingBackend>(canvas: &Canvas<B>, curves: &[Shown<'_>]) -> io::Re
             canvas.line(&line, &Stroke { colour, alpha: 0.9, width, dash })?;
             let radius = if width > 3.0 { 5.5 } else { 4.2 };
             canvas.marker(marker, (LEGEND + 20.0, y), radius, colour, true)?;
-            canvas.text(&shown.name, (LEGEND + 52.0, y), 17.0, INK, Anchor::Left)?;
+            canvas.text(&shown.curve.label, (LEGEND + 52.0, y), 17.0, INK, Anchor::Left)?;
             y += 25.0;
+            for pair in shown.same.chunks(2) {
+                let text = format!("= {}", pair.join(", "));
+                canvas.text(&text, (LEGEND + 52.0, y - 5.0), 14.0, SOFT, Anchor::Left)?;
+                y += 17.0;
+            }
         }
         y += 9.0;
     }

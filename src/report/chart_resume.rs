@@ -29,8 +29,8 @@ impl Earlier {
         }
     }
 
-    /// In what the earlier run's question about this scene differs; `None` if in nothing, or if it did not ask.
-    pub fn differs(&self, record: &Record, facts: &SceneFacts) -> Option<String> {
+    /// In what the earlier run's question differs whatever the scene; `None` if in nothing.
+    pub fn differs(&self, record: &Record) -> Option<String> {
         let saved = self.saved.as_ref()?;
         let now = serde_json::to_value(record).ok()?;
         for key in ["device", "driver", "size", "seed"] {
@@ -41,12 +41,43 @@ impl Earlier {
         if saved["manifest"]["spirv_hash"] != now["manifest"]["spirv_hash"] {
             return Some("its kernels were others".into());
         }
+        None
+    }
+
+    /// The same of a scene that it asked about.
+    pub fn scene_differs(&self, facts: &SceneFacts) -> Option<String> {
         let scene = self.scene(&facts.scene)?;
         let now = serde_json::to_value(facts).ok()?;
         ["hash", "camera", "max_distance", "references"].into_iter().find_map(|key| {
             let name = if key == "hash" { "geometry" } else { key };
             (scene[key] != now[key]).then(|| format!("its {name} was {}", short(&scene[key])))
         })
+    }
+
+    /// Lets a record keep what is known of scenes whose turn has not come, so that it is not lost if the run is cut again.
+    pub fn keep_in(&self, record: &mut Record, scenes: &[String]) {
+        let Some(saved) = &self.saved else { return };
+        let of = |list: &str| -> Vec<Value> {
+            let wanted = |one: &&Value| scenes.iter().any(|scene| one["scene"] == **scene);
+            saved[list].as_array().into_iter().flatten().filter(wanted).cloned().collect()
+        };
+        record.scenes.kept = of("scenes");
+        record.curves.kept = of("curves");
+        record.time_to_rmse.kept = of("time_to_rmse");
+    }
+
+    /// Leaves out a scene of which it asked something else.
+    pub fn forget(&mut self, scene: &str) {
+        if let Some(curves) = self.saved.as_mut().and_then(|saved| saved["curves"].as_array_mut()) {
+            curves.retain(|curve| curve["scene"] != scene);
+        }
+    }
+
+    /// Names of the scenes it measured.
+    pub fn scenes(&self) -> Vec<String> {
+        let scenes = self.saved.as_ref().and_then(|saved| saved["scenes"].as_array());
+        let name = |scene: &Value| scene["scene"].as_str().map(str::to_string);
+        scenes.into_iter().flatten().filter_map(name).collect()
     }
 
     fn scene(&self, name: &str) -> Option<&Value> {

@@ -176,7 +176,6 @@ impl<B: DrawingBackend> Canvas<B> {
         colour: RGBColor,
         filled: bool,
     ) -> io::Result<()> {
-        let outline = Stroke::new(colour, 1.4);
         if marker == Marker::Cross {
             let r = radius * 0.85;
             let arm = |dx: f64, dy: f64| [(at.0 - dx, at.1 - dy), (at.0 + dx, at.1 + dy)];
@@ -187,13 +186,13 @@ impl<B: DrawingBackend> Canvas<B> {
             self.disc(at, radius, colour, 1.0)?;
             return if filled { Ok(()) } else { self.disc(at, radius - 1.4, WHITE, 1.0) };
         }
-        let corners: Vec<At> = corners(marker, radius).iter().map(|(x, y)| (at.0 + x, at.1 + y)).collect();
-        let inside: Vec<(i32, i32)> = corners.iter().map(|&at| self.place(at)).collect();
-        let colour = if filled { colour } else { WHITE };
-        self.area.draw(&Polygon::new(inside, colour.filled())).map_err(failed)?;
-        let mut closed = corners.clone();
-        closed.extend([corners[0], corners[1]]);
-        self.line(&closed, &outline)
+        self.polygon(&corners(marker, at, radius), colour)?;
+        if filled { Ok(()) } else { self.polygon(&corners(marker, at, radius - 1.6), WHITE) }
+    }
+
+    fn polygon(&self, corners: &[At], colour: RGBColor) -> io::Result<()> {
+        let corners: Vec<(i32, i32)> = corners.iter().map(|&at| self.place(at)).collect();
+        self.area.draw(&Polygon::new(corners, colour.filled())).map_err(failed)
     }
 
     /// Text whose middle line is at the place.
@@ -224,15 +223,16 @@ impl<B: DrawingBackend> Canvas<B> {
     }
 }
 
-/// Corners of a marker about its place.
-fn corners(marker: Marker, radius: f64) -> Vec<At> {
-    let (r, s, t) = (radius * 1.25, radius * 0.88, radius * 1.1);
-    match marker {
-        Marker::Square => vec![(-s, -s), (s, -s), (s, s), (-s, s)],
-        Marker::Diamond => vec![(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)],
-        Marker::Up => vec![(0.0, -r), (t, s), (-t, s)],
-        _ => vec![(0.0, r), (t, -s), (-t, -s)],
-    }
+/// Corners of a marker at a place.
+fn corners(marker: Marker, at: At, radius: f64) -> Vec<At> {
+    let (r, s, t) = (radius * 1.3, radius * 0.9, radius * 1.15);
+    let corners: &[At] = match marker {
+        Marker::Square => &[(-s, -s), (s, -s), (s, s), (-s, s)],
+        Marker::Diamond => &[(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)],
+        Marker::Up => &[(0.0, -r), (t, s), (-t, s)],
+        _ => &[(0.0, r), (t, -s), (-t, -s)],
+    };
+    corners.iter().map(|(x, y)| (at.0 + x, at.1 + y)).collect()
 }
 
 /// A line through places in pieces.

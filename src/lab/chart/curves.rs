@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::bvh::Builder;
 use crate::layout::FRAME_SAMPLES;
 use crate::render::auto::{self, Decision};
-use crate::render::choices::{Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
+use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
 use crate::render::geometry::Geometry;
 use crate::vk::Adapter;
 
@@ -27,6 +27,7 @@ pub struct Variant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Varies {
+    /// The original, or one of its faults alone.
     Original,
     Base,
     Nothing,
@@ -82,6 +83,7 @@ fn table() -> Vec<Variant> {
     use Varies::{Method as ByMethod, Nothing, Passes as ByPasses, Sampler as BySampler, Surface};
     let auto = Wishes::default();
     let preset = |preset| Wishes { preset: Some(preset), ..auto };
+    let eight_bit = Wishes { accumulator: Some(Accumulator::Rgba8), ..preset(Preset::OriginalUnbiased) };
     let sampler = |sampler| Wishes { sampler: Some(sampler), ..auto };
     let method = |method| Wishes { method: Some(method), ..auto };
     let passes = |passes| Wishes { passes: Some(passes), ..auto };
@@ -89,6 +91,7 @@ fn table() -> Vec<Variant> {
     let slabs = |slabs| Wishes { slabs: Some(slabs), ..auto };
     [
         ("original", Varies::Original, preset(Preset::Original), Tweak::None),
+        ("8-bit", Varies::Original, eight_bit, Tweak::None),
         (BASE, Varies::Base, preset(Preset::OriginalUnbiased), Tweak::None),
         (AUTO, Nothing, auto, Tweak::None),
         ("lcg", BySampler, sampler(Sampler::Lcg), Tweak::None),

@@ -4,11 +4,10 @@ use crate::error::Result;
 use crate::lab::bench::drift::Drift;
 use crate::layout::WORKGROUP_SIZE;
 use crate::render::execute;
-use crate::render::picture::Accumulated;
+use crate::render::picture::{Accumulated, Picture};
 use crate::render::plan::Plan;
 use crate::render::repeat::Repeated;
 use crate::render::stage::{Stage, Uploads};
-use crate::render::tiles::Tiles;
 use crate::vk::{Device, DeviceKind};
 
 /// What came of it.
@@ -50,7 +49,7 @@ pub fn shoot(
                 Some(means) => Accumulated::Means(means),
                 None => Accumulated::Counts(frames.counts()?),
             };
-            shot.light = light_of(plan.tiles, &accumulated);
+            shot.light = Picture::new(plan.tiles, &accumulated).light;
             shot.overflowed = cost.totals.overflowed;
             drift.wake()?;
         }
@@ -65,7 +64,7 @@ fn shoot_whole(device: &Device, plan: &Plan<'_>, drift: &Drift<'_>, enough_ms: f
         drift.wake()?;
         let outcome = execute::run(device, plan, &mut |_| {})?;
         shot.times.push(outcome.kernels.iter().map(|kernel| kernel.gpu_ms).sum());
-        shot.light = light_of(plan.tiles, &outcome.accumulated);
+        shot.light = Picture::new(plan.tiles, &outcome.accumulated).light;
         shot.overflowed = outcome.overflowed_rays;
     }
     Ok(shot)
@@ -75,35 +74,9 @@ fn wants_more(times: &[f64], enough_ms: f64) -> bool {
     times.len() < MOST_RUNS && times.iter().sum::<f64>() < enough_ms || times.is_empty()
 }
 
-/// Light of each pixel, row by row, over the rays that it traced: pixels may have different numbers of them.
-pub fn light_of(tiles: Tiles, accumulated: &Accumulated) -> Vec<f32> {
-    let of_pixel = |x: u32, y: u32| match accumulated {
-        Accumulated::Means(means) => means[(y * tiles.width + x) as usize][0],
-        Accumulated::Counts(counts) => {
-            let count = counts[tiles.number(x, y) as usize];
-            let traced = f64::from(count.traced0) + f64::from(count.traced1);
-            ((f64::from(count.escaped0) + f64::from(count.escaped1)) / traced.max(1.0)) as f32
-        }
-    };
-    (0..tiles.height)
-        .flat_map(|y| (0..tiles.width).map(move |x| (x, y)))
-        .map(|(x, y)| of_pixel(x, y))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::Count;
-
-    #[test]
-    fn every_pixel_is_divided_by_its_own_rays() {
-        let mut counts = vec![Count::default(); 64];
-        counts[1] = Count { escaped0: 3, traced0: 4, escaped1: 1, traced1: 4 };
-        counts[8] = Count { escaped0: 1, traced0: 1, escaped1: 0, traced1: 3 };
-        let light = light_of(Tiles { width: 2, height: 2 }, &Accumulated::Counts(counts));
-        assert_eq!(light, [0.0, 0.5, 0.25, 0.0]);
-    }
 
     #[test]
     fn short_runs_are_repeated_and_long_ones_are_not() {

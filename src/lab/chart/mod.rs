@@ -21,6 +21,7 @@ use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
+use crate::render::rounds::Goal;
 use crate::render::stage::Uploads;
 use crate::render::tally::Progress;
 use crate::scene::Scene;
@@ -237,6 +238,7 @@ impl<'a> Chart<'a> {
             max_distance: self.options.max_distance,
             jitters: 1,
             adaptive: choices.adaptive,
+            goal: Goal::Samples,
             block: None,
         };
         let plan = Plan::new(job, scene, geometry, &decision, &self.device.adapter().limits)?;

@@ -11,6 +11,7 @@ use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::repeat::Repeated;
+use crate::render::rounds::Goal;
 use crate::render::stage::Stage;
 use crate::render::tally::Progress;
 use crate::render::tiles::Tiles;
@@ -23,7 +24,7 @@ use crate::vk::{Device, DeviceKind};
 pub const VERSION: u32 = 1;
 
 const SAMPLER: Sampler = Sampler::Philox;
-const OFFSET: Offset = Offset::Ulp;
+const OFFSET: Offset = Offset::Scaled;
 const SLABS: Slabs = Slabs::Robust;
 
 /// Digits of e. Curves have other seeds: a chart takes two that its own seed is not.
@@ -145,7 +146,7 @@ pub fn make(
 ) -> Result<Sums> {
     let mut sums = store.load(recipe).unwrap_or_else(|| Sums::new(recipe.size));
     let part = if device.adapter().kind == DeviceKind::Cpu { 512 } else { 4096 };
-    let mut progress = Progress { done: 0.0, rays: 0, gpu_ms: 0.0 };
+    let mut progress = Progress { done: 0.0, rays: 0, gpu_ms: 0.0, rmse: None };
     let mut saved = std::time::Instant::now();
     while sums.samples < recipe.spp {
         let left = recipe.spp - sums.samples;
@@ -188,6 +189,7 @@ fn plan<'a>(
         max_distance: recipe.max_distance,
         jitters: 1,
         adaptive: false,
+        goal: Goal::Samples,
         block: None,
     };
     Plan::new(job, recipe.scene, geometry, &decision, &device.adapter().limits)
