@@ -3,12 +3,13 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup build render bench-scenes test test-all test-ignored lint clean
+.PHONY: help setup build render bench-scenes test test-all test-ignored second-opinion lint clean
 
 COUSU := $(or $(CARGO_TARGET_DIR),target)/release/cousu
+OPINION := $(or $(CARGO_TARGET_DIR),target)/second-opinion
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup: ## install what building, rendering and testing need (each target does so for itself)
 	@scripts/setup.sh build run test lint
@@ -35,6 +36,16 @@ test-all: test test-ignored ## run the tests, then the long ones that they leave
 test-ignored: ## run only the long tests
 	@scripts/setup.sh build run test
 	cargo test --workspace --release -- --ignored
+
+second-opinion: ## compare pictures with those of Mitsuba 3, an independent renderer, which pip installs into target/
+	@scripts/setup.sh build run python
+	cargo build --release
+	@test -e $(OPINION)/installed || { python3 -m venv $(OPINION) && \
+		$(OPINION)/bin/pip install --quiet mitsuba==3.8.0 numpy && touch $(OPINION)/installed; }
+	@set -e; for scene in cornell maison; do \
+		$(COUSU) render assets/$$scene.obj --size 256x160 --spp 4096 -o $(OPINION)/$$scene.exr; \
+		$(OPINION)/bin/python scripts/compare-mitsuba.py assets/$$scene.obj $(OPINION)/$$scene.exr; \
+	done
 
 lint: ## check the formatting, and run clippy with warnings as errors
 	@scripts/setup.sh build lint

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what this machine lacks, with apt-get; does nothing and says nothing where nothing is missing.
-# usage: scripts/setup.sh PURPOSE...   a purpose is build, run, test or lint
+# usage: scripts/setup.sh PURPOSE...   a purpose is build, run, test, lint or python
 set -euo pipefail
 
 # The one list of what mends what: purpose, Debian package, check, reason.
@@ -15,6 +15,7 @@ run    mesa-vulkan-drivers      has_driver       a Vulkan driver for the CPU and
 test   vulkan-validationlayers  has_validation   the validation layer, under which the tests run
 test   libegl1                  has_egl          EGL, which opens OpenGL without a window for `cousu compare`
 test   libgl1-mesa-dri          has_opengl       an OpenGL driver for the CPU and for GPUs, as there is none yet
+python python3-venv             has_venv         environments of Python, into one of which Mitsuba is installed
 '
 
 main() {
@@ -115,6 +116,10 @@ has_opengl() {
         [[ ! -e $manifest || $manifest == *mesa* ]] || return 0
     done
     has_library libEGL_mesa.so.0 && [[ -n $(find /usr/lib -name swrast_dri.so -o -name 'libgallium*' 2>/dev/null) ]]
+}
+
+has_venv() {
+    python3 -c 'import venv, ensurepip' 2>/dev/null
 }
 
 has() {

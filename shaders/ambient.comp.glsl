@@ -8,6 +8,7 @@
 #include "shared/slabs.glsl"
 #include "shared/intersect.glsl"
 #include "shared/rng.glsl"
+#include "shared/samplers.glsl"
 #include "shared/sampling.glsl"
 #include "shared/surface.glsl"
 #include "shared/accumulate.glsl"

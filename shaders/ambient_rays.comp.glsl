@@ -1,10 +1,12 @@
 // Ambient rays as a list. LISTED: of the listed pixels, a block of samples after the other (passes: staged).
-// Otherwise one (sample_begin, `pcg`) of each pixel whose camera ray hit; in place of the others, rays that meet nothing.
+// Otherwise one (sample_begin; `pcg` in place of `lcg`, whose states are not there) of each pixel whose camera ray hit; in
+// place of the others, rays that meet nothing.
 #include "shared/scene.glsl"
 #include "shared/arith.glsl"
 #include "shared/ray.glsl"
 #include "shared/camera.glsl"
 #include "shared/rng.glsl"
+#include "shared/samplers.glsl"
 #include "shared/sampling.glsl"
 #include "shared/surface.glsl"
 
@@ -57,7 +59,10 @@ void main() {
     if (pixel >= range.pixel_end) return;
     RayRecord record = NO_RAY;
     if (hits[pixel - range.pixel_base].index != NO_HIT) {
-        Ray ray = ambient_ray(kept_surface(pixel), pcg_numbers(pixel, range.sample_begin));
+        uint no_state = 0u;
+        vec2 u = SAMPLER == SAMPLER_LCG ? pcg_numbers(pixel, range.sample_begin)
+                                        : sample_numbers(pixel, range.sample_begin, uvec2(range.set_begin, range.set_end), no_state);
+        Ray ray = ambient_ray(kept_surface(pixel), u);
         record = RayRecord(ray.origin, ray.t_max, ray.direction, 1.0);
     }
     rays[pixel - range.pixel_base] = record;

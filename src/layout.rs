@@ -349,7 +349,9 @@ constants! {
     SAMPLER_STRATA = 3;
     SAMPLER_PHILOX = 4;
 
-    /// What random numbers are for, beside pixel and seed.
+    /// Third words of `pcg4d`: no two purposes get the same numbers (0 is `pcg`'s).
+    KEY_SOBOL = 0x736f_626c;
+    KEY_STRATA = 0x7374_7261;
     KEY_CAMERA = 0x6361_6d65;
 
     /// Values of `Range::stage`: closest hit and ambient rays, or one of them.

@@ -18,13 +18,16 @@ const SIZE: (u32, u32) = (40, 25);
 const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
 const PASSES: [Passes; 3] = [Passes::Single, Passes::Split, Passes::Staged];
 const ACCESSORS: [Accessor; 2] = [Accessor::StorageBuffer, Accessor::TexelBuffer];
-const SUMS: [(Accumulator, Sampler); 6] = [
+// Each accumulator and each sampler; `lcg` and the strata, whose numbers depend on more than pixel and sample, several times.
+const SUMS: [(Accumulator, Sampler); 8] = [
     (Accumulator::Count, Sampler::Pcg),
     (Accumulator::Count, Sampler::Lcg),
-    (Accumulator::Rgba32f, Sampler::Pcg),
+    (Accumulator::Count, Sampler::Strata),
+    (Accumulator::Count, Sampler::Philox),
     (Accumulator::Rgba32f, Sampler::Lcg),
-    (Accumulator::Rgba8, Sampler::Pcg),
+    (Accumulator::Rgba32f, Sampler::Strata),
     (Accumulator::Rgba8, Sampler::Lcg),
+    (Accumulator::Rgba8, Sampler::Sobol),
 ];
 const METHODS: usize = 8;
 

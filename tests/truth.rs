@@ -3,17 +3,16 @@
 mod common;
 
 use common::{
-    every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named, scene_of,
-    with_device,
+    Twin, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named,
+    scene_of, with_device,
 };
 use cousu::layout::{Count, HitRecord, RayRecord};
-use cousu::pack::NodeArrays;
+use cousu::reference;
 use cousu::reference::exact::Truth;
-use cousu::reference::{self, Choices, Inputs, Traversal};
-use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Slabs, Wishes};
+use cousu::render::choices::{Accumulator, Method, Preset, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
-use cousu::render::plan::{Job, Plan, sampler_code};
+use cousu::render::plan::Job;
 use cousu::render::raylist::{Query, RayLists};
 use cousu::render::seeds::{hash, lcg_seeds};
 use cousu::scene::{Mesh, Scene, obj};
@@ -165,42 +164,6 @@ fn random_scene(count: u32) -> Scene {
     scene_from(mesh, obj::Report::default())
 }
 
-/// Packed arrays for the twin.
-struct Twin {
-    tree: NodeArrays,
-}
-
-impl Twin {
-    fn new(plan: &Plan<'_>) -> Self {
-        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.frame.box_pad) }
-    }
-
-    fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
-        Inputs {
-            frame: &plan.frame,
-            triangles: &plan.geometry.triangles,
-            tree: &self.tree,
-            choices: Choices {
-                traversal: match plan.settings.method {
-                    Method::Brute => Traversal::Brute,
-                    Method::Stack(size) => Traversal::Stack { size },
-                    Method::Threaded => Traversal::Threaded,
-                    Method::SinglePush => Traversal::SinglePush,
-                    Method::Ordered => Traversal::Ordered,
-                    Method::Packet => Traversal::Packet,
-                    Method::Postponed => Traversal::Postponed,
-                    Method::Wide => Traversal::Wide,
-                },
-                original: plan.settings.preset.is_original(),
-                facing: plan.settings.preset != Preset::Original,
-                ulp_offset: plan.settings.offset == Offset::Ulp,
-                robust_slabs: plan.settings.slabs == Slabs::Robust,
-                sampler: sampler_code(plan.settings.sampler),
-            },
-        }
-    }
-}
-
 /// Ambient rays of one sample with what they hit.
 type Traced = (Vec<RayRecord>, Vec<HitRecord>);
 
@@ -306,6 +269,9 @@ fn the_twin_counts_the_same_rays() {
                 (Method::Threaded, Sampler::Pcg),
                 (Method::Stack(geometry.stack_bound), Sampler::Lcg),
                 (Method::Stack(6), Sampler::Pcg),
+                (Method::Threaded, Sampler::Sobol),
+                (Method::Threaded, Sampler::Strata),
+                (Method::Threaded, Sampler::Philox),
             ] {
                 let wishes = Wishes { method: Some(method), sampler: Some(sampler), ..Wishes::default() };
                 let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 3..12), wishes);
@@ -313,9 +279,9 @@ fn the_twin_counts_the_same_rays() {
                 let twin = Twin::new(&plan);
                 let mut seeds = lcg_seeds(0, plan.tiles.padded_pixels() as u32, plan.job.seed);
                 let expected = reference::render_counts(&twin.inputs(&plan), 3..12, Some(&mut seeds));
-                assert_eq!(outcome.overflowed_rays, expected.overflowed, "{name} {method}");
-                assert_eq!(outcome.ambient_rays, expected.ambient_rays, "{name} {method}");
-                assert!(counts(outcome.accumulated) == expected.counts, "{name} {method}");
+                assert_eq!(outcome.overflowed_rays, expected.overflowed, "{name} {method} {sampler}");
+                assert_eq!(outcome.ambient_rays, expected.ambient_rays, "{name} {method} {sampler}");
+                assert!(counts(outcome.accumulated) == expected.counts, "{name} {method} {sampler}");
             }
         }
     });

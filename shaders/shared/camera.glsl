@@ -1,6 +1,7 @@
 // Camera rays. Twin: src/reference/camera.rs.
 
 #include "rng.glsl"
+#include "sobol.glsl"
 
 // Pixels are numbered tile by tile (8x8), row by row within a tile; the last tiles may reach out of
 // the image. With several camera rays a pixel, number p + j frame.pixels is ray j of pixel p.
@@ -31,7 +32,7 @@ Ray camera_ray_through(vec2 raster) {
 vec2 pixel_place(uint pixel) {
     if (!JITTERED) return vec2(frame.pixel_shift);
     uvec2 keys = pcg4d(uvec4(pixel % frame.pixels, 0u, KEY_CAMERA, frame.seed)).xy;
-    return unit_floats(sobol_point(pixel / frame.pixels, keys));
+    return unit_floats(sobol_bits(pixel / frame.pixels, keys));
 }
 
 Ray camera_ray(uint pixel) {

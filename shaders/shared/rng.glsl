@@ -19,17 +19,6 @@ uvec4 pcg4d(uvec4 v) {
 // Multiples of 2^-24 in [0, 1).
 vec2 unit_floats(uvec2 bits) { return vec2(bits >> 8) * 5.9604644775390625e-8; }
 
-// Point `index` of Sobol's (0, 2)-sequence with its digits flipped by `keys`.
-uvec2 sobol_point(uint index, uvec2 keys) {
-    uint second = 0u;
-    uint direction = 0x80000000u;
-    for (uint left = index; left > 0u; left >>= 1) {
-        if ((left & 1u) == 1u) second ^= direction;
-        direction ^= direction >> 1;
-    }
-    return uvec2(bitfieldReverse(index), second) ^ keys;
-}
-
 // The original's generator, modulus 2^31 (constants of the C standard's example rand).
 uint lcg_step(uint state) { return (1103515245u * state + 12345u) & 0x7fffffffu; }
 

@@ -40,22 +40,6 @@ Ray ambient_ray(Surface surface, vec2 u) {
     return Ray(surface.start, direction, frame.ambient_t_max);
 }
 
-vec2 pcg_numbers(uint pixel, uint sample_index) {
-    return unit_floats(pcg4d(uvec4(pixel, sample_index, 0u, frame.seed)).xy);
-}
-
-// The pair of random numbers of a sample. `lcg` steps the state it is given, the others leave it alone. Samples from
-// set.x to set.y are one set of strata.
-vec2 sample_numbers(uint pixel, uint sample_index, uvec2 set, inout uint lcg_state) {
-    if (REPEAT > 0u) sample_index %= REPEAT;
-    if (SAMPLER == SAMPLER_LCG) {
-        uint first = lcg_step(lcg_state);
-        lcg_state = lcg_step(first);
-        return vec2(lcg_float(first), lcg_float(lcg_state));
-    }
-    return pcg_numbers(pixel, sample_index);
-}
-
 // The original's weight of an escaped ray: max(0, n.w) / (pi pdf) with pdf = cos(theta) / pi.
 float original_weight(Surface surface, vec3 direction, vec2 u) {
     const float PI = 3.14159265358979;

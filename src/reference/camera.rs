@@ -3,7 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use super::ray::Ray;
-use super::rng::{pcg4d, sobol_point, unit_floats};
+use super::rng::{pcg4d, unit_floats};
+use super::sobol::sobol_bits;
 use crate::layout::{Frame, KEY_CAMERA, TILE_SIDE, WORKGROUP_SIZE};
 
 /// Pixels of all tiles that the image touches, times the camera rays of each: the length of per-pixel buffers.
@@ -35,7 +36,7 @@ pub fn pixel_place(frame: &Frame, pixel: u32) -> Vec2 {
         return Vec2::splat(frame.pixel_shift);
     }
     let [x, y, ..] = pcg4d([pixel % frame.pixels, 0, KEY_CAMERA, frame.seed]);
-    unit_floats(sobol_point(pixel / frame.pixels, [x, y]))
+    unit_floats(sobol_bits(pixel / frame.pixels, [x, y]))
 }
 
 pub fn camera_ray(frame: &Frame, pixel: u32) -> Ray {

@@ -7,10 +7,14 @@ pub mod arith;
 pub mod camera;
 pub mod exact;
 pub mod intersect;
+pub mod philox;
 pub mod ray;
 pub mod rng;
+pub mod samplers;
 pub mod sampling;
 pub mod slabs;
+pub mod sobol;
+pub mod strata;
 pub mod surface;
 pub mod traverse;
 
@@ -25,11 +29,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{
-    Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, ThreadedNode, Triangle, WideNode,
+    Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, SAMPLER_LCG, ThreadedNode, Triangle, WideNode,
 };
 use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};
-use surface::{ambient_ray, original_weight, pcg_numbers, sample_numbers, surface_at, surface_nowhere};
+use samplers::{pcg_numbers, sample_numbers};
+use surface::{ambient_ray, original_weight, surface_at, surface_nowhere};
 
 /// How a ray finds triangles: shaders/traverse/.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -244,8 +249,13 @@ pub fn camera_rays(inputs: &Inputs) -> Vec<RayRecord> {
 }
 
 /// Twin of ambient_rays.comp.glsl: the ambient ray number `sample` of each pixel whose camera ray hit
-/// (`hits` by pixel number), always from `pcg`; in place of the others, rays that meet nothing.
-pub fn ambient_rays(inputs: &Inputs, hits: &[HitRecord], sample: u32) -> Vec<RayRecord> {
+/// (`hits` by pixel number), from `pcg` in place of `lcg`; in place of the others, rays that meet nothing. The samples of
+/// `set` are one set of strata.
+pub fn ambient_rays(inputs: &Inputs, hits: &[HitRecord], sample: u32, set: &Range<u32>) -> Vec<RayRecord> {
+    let numbers = |pixel| match inputs.choices.sampler {
+        SAMPLER_LCG => pcg_numbers(inputs, pixel, sample),
+        _ => sample_numbers(inputs, pixel, sample, set, &mut 0),
+    };
     let record = |(pixel, record): (usize, &HitRecord)| {
         if record.index == NO_HIT {
             return Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_max: -1.0 }.record();
@@ -253,7 +263,7 @@ pub fn ambient_rays(inputs: &Inputs, hits: &[HitRecord], sample: u32) -> Vec<Ray
         let pixel = pixel as u32;
         let hit = Hit { t: record.t, u: record.u, v: record.v, index: record.index, id: 0 };
         let surface = surface_at(inputs, &camera::camera_ray(inputs.frame, pixel), &hit);
-        ambient_ray(inputs, &surface, pcg_numbers(inputs, pixel, sample)).record()
+        ambient_ray(inputs, &surface, numbers(pixel)).record()
     };
     hits.par_iter().enumerate().map(record).collect()
 }

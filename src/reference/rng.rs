@@ -22,19 +22,6 @@ pub fn unit_floats(bits: [u32; 2]) -> Vec2 {
     Vec2::new((bits[0] >> 8) as f32, (bits[1] >> 8) as f32) * f32::EPSILON * 0.5
 }
 
-/// Point `index` of Sobol's (0, 2)-sequence with its digits flipped by `keys`.
-pub fn sobol_point(index: u32, keys: [u32; 2]) -> [u32; 2] {
-    let (mut second, mut direction, mut left) = (0, 0x8000_0000_u32, index);
-    while left > 0 {
-        if left & 1 == 1 {
-            second ^= direction;
-        }
-        direction ^= direction >> 1;
-        left >>= 1;
-    }
-    [index.reverse_bits() ^ keys[0], second ^ keys[1]]
-}
-
 /// The original's generator, modulus 2^31 (constants of the C standard's example rand).
 pub fn lcg_step(state: u32) -> u32 {
     1_103_515_245_u32.wrapping_mul(state).wrapping_add(12345) & 0x7fff_ffff

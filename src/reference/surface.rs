@@ -7,9 +7,7 @@ use glam::{Vec2, Vec3};
 use super::Inputs;
 use super::arith::{cross3, dot3, max_abs, reciprocal};
 use super::ray::{Hit, Ray};
-use super::rng::{lcg_float, lcg_step, pcg4d, unit_floats};
 use super::sampling::{basis_of, cosine_direction, normalized};
-use crate::layout::SAMPLER_LCG;
 
 /// Where ambient rays start, and the basis they are drawn in.
 #[derive(Clone, Copy, Debug)]
@@ -53,29 +51,6 @@ pub fn ambient_ray(inputs: &Inputs, surface: &Surface, u: Vec2) -> Ray {
     Ray { origin: surface.start, direction, t_max: inputs.frame.ambient_t_max }
 }
 
-pub fn pcg_numbers(inputs: &Inputs, pixel: u32, sample: u32) -> Vec2 {
-    let [x, y, ..] = pcg4d([pixel, sample, 0, inputs.frame.seed]);
-    unit_floats([x, y])
-}
-
-/// The pair of random numbers of a sample. `lcg` steps the state it is given, the others leave it alone. The samples of
-/// `set` are one set of strata.
-pub fn sample_numbers(
-    inputs: &Inputs,
-    pixel: u32,
-    sample: u32,
-    set: &std::ops::Range<u32>,
-    lcg_state: &mut u32,
-) -> Vec2 {
-    let _ = set;
-    if inputs.choices.sampler == SAMPLER_LCG {
-        let first = lcg_step(*lcg_state);
-        *lcg_state = lcg_step(first);
-        return Vec2::new(lcg_float(first), lcg_float(*lcg_state));
-    }
-    pcg_numbers(inputs, pixel, sample)
-}
-
 /// The original's weight of an escaped ray: max(0, n.w) / (pi pdf) with pdf = cos(theta) / pi. Its square
 /// root, divisions and dot product are the driver's: only this twin rounds each of them correctly.
 pub fn original_weight(surface: &Surface, direction: Vec3, u: Vec2) -> f32 {
@@ -87,7 +62,6 @@ pub fn original_weight(surface: &Surface, direction: Vec3, u: Vec2) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::{SAMPLER_PCG, Triangle};
     use crate::reference::testing::{Random, Scene, soup};
 
     #[test]
@@ -128,20 +102,5 @@ mod tests {
         }
         let flat = Surface { normal: Vec3::Z, ..surface_nowhere() };
         assert!(original_weight(&flat, Vec3::X, Vec2::ZERO).is_nan(), "0 / 0 at u1 = 0");
-    }
-
-    #[test]
-    fn lcg_takes_two_numbers_a_sample_and_pcg_none() {
-        let triangle = Triangle { ab: [1.0, 0.0, 0.0], ac: [0.0, 1.0, 0.0], ..Triangle::default() };
-        let scene = Scene::of(vec![triangle]);
-        let mut inputs = scene.inputs();
-        let mut state = 77;
-        inputs.choices.sampler = SAMPLER_PCG;
-        let u = sample_numbers(&inputs, 3, 4, &(0..8), &mut state);
-        assert_eq!((u, state), (pcg_numbers(&inputs, 3, 4), 77));
-        inputs.choices.sampler = SAMPLER_LCG;
-        let u = sample_numbers(&inputs, 3, 4, &(0..8), &mut state);
-        assert_eq!(state, lcg_step(lcg_step(77)));
-        assert_eq!(u, Vec2::new(lcg_float(lcg_step(77)), lcg_float(state)));
     }
 }

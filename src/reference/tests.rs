@@ -109,7 +109,7 @@ fn staged_kernels_give_the_counts_of_the_single_one() {
     let hits = trace_closest(&inputs, &camera);
     let mut counts = vec![Count::default(); camera.len()];
     for sample in 0..4 {
-        let rays = ambient_rays(&inputs, &hits, sample);
+        let rays = ambient_rays(&inputs, &hits, sample, &(0..16));
         for (pixel, answer) in trace_any(&inputs, &rays).iter().enumerate() {
             if hits[pixel].index == NO_HIT {
                 assert_eq!((rays[pixel].t_max, answer.index), (-1.0, NO_HIT));

@@ -46,6 +46,8 @@ pub(super) fn range_of(plan: &Plan<'_>, count: u32, sample: u32, stage: u32) -> 
         sample_end: sample + 1,
         triangle_end: plan.frame.triangle_count,
         stage,
+        set_begin: plan.job.samples.start,
+        set_end: plan.job.samples.end,
         ..Range::default()
     }
 }
@@ -115,8 +117,8 @@ impl<'a> RayLists<'a> {
         Ok(all)
     }
 
-    /// The ambient ray of one sample (`pcg`) of each pixel number, given what the camera rays hit; rays
-    /// that meet nothing where they missed.
+    /// The ambient ray of one sample (of `pcg` in place of `lcg`) of each pixel number, given what the camera rays hit;
+    /// rays that meet nothing where they missed.
     pub fn ambient_rays(&self, hits: &[HitRecord], sample: u32) -> Result<Vec<RayRecord>> {
         let mut all = Vec::with_capacity(hits.len());
         for (place, piece) in hits.chunks(MOST_RAYS).enumerate() {

@@ -1,0 +1,39 @@
+// Owen-scrambled Sobol points, two dimensions, of any length up to 2^32. Twin: src/reference/sobol.rs.
+//
+// Digits are kept in reverse: bit k of a word is the digit of 2^-(k+1). Then the first dimension (van der Corput's)
+// is the index itself, and the second one's matrix is Pascal's triangle modulo 2: digit r is the sum of the index's bits
+// j with binomial(j, r) odd. By Lucas (1878) those are the j whose own bits contain r's, so five steps, one a bit of j,
+// do it (Sobol 1967; the first two dimensions of Joe and Kuo 2008).
+
+uint pascal_product(uint index) {
+    index ^= (index >> 1) & 0x55555555u;
+    index ^= (index >> 2) & 0x33333333u;
+    index ^= (index >> 4) & 0x0f0f0f0fu;
+    index ^= (index >> 8) & 0x00ff00ffu;
+    return index ^ (index >> 16);
+}
+
+// Nested uniform scrambling (Owen 1995): each digit is turned or not by a hash of the seed and the digits above it.
+// Multiplication carries from low bits to high ones, which is from digits to lesser digits here: Laine and Karras (2011), made
+// practical by Burley (2020), with the better constants of Vegdahl (2021). Seeds must be random words.
+uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
+    digits ^= digits * 0x3d20adeau;
+    digits += seed;
+    digits *= (seed >> 16) | 1u;
+    digits ^= digits * 0x05526c56u;
+    digits ^= digits * 0x53a22864u;
+    return digits;
+}
+
+// Burley also shuffles the indices, so that pairs of dimensions under several seeds can be joined. There is only one pair
+// here, and scrambling alone makes each point uniform and other seeds' points independent; so the order stays,
+// every prefix is the sequence's own, and no index is too large.
+uvec2 sobol_bits(uint index, uvec2 seed) {
+    return bitfieldReverse(owen_scramble(uvec2(index, pascal_product(index)), seed));
+}
+
+// A pixel has two sequences under seeds of their own, one for each half of its samples.
+vec2 sobol_numbers(uint pixel, uint sample_index) {
+    uvec4 seeds = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
+    return unit_floats(sobol_bits(sample_index >> 1, (sample_index & 1u) == 0u ? seeds.xy : seeds.zw));
+}

@@ -1,0 +1,72 @@
+//! Samplers on a device against the shaders' twin.
+
+mod common;
+
+use std::ops::Range;
+
+use common::{Twin, geometry, job, plan, run, scene_named, with_device};
+use cousu::layout::RayRecord;
+use cousu::reference;
+use cousu::render::choices::{Passes, Preset, Sampler, Wishes};
+use cousu::render::picture::Accumulated;
+use cousu::render::plan::Job;
+use cousu::render::raylist::{Query, RayLists};
+
+const SAMPLERS: [Sampler; 4] = [Sampler::Pcg, Sampler::Sobol, Sampler::Strata, Sampler::Philox];
+
+/// Rays as lists, bit by bit: of the first samples, of sets of many sizes, of sample numbers up to the last.
+#[test]
+fn the_device_draws_the_numbers_of_the_twin() {
+    let far = 1 << 30;
+    let sets: [(Range<u32>, &[u32]); 6] = [
+        (0..1, &[0]),
+        (3..12, &[3, 4, 10, 11]),
+        (0..64, &[0, 1, 31, 62, 63]),
+        (7..4106, &[7, 8, 1000, 4105]),
+        (far + 5..far + 70_000, &[far + 5, far + 6, far + 66_666]),
+        (0..u32::MAX, &[0, 1 << 17, (1 << 25) + 1, u32::MAX - 1]),
+    ];
+    with_device(|device| {
+        let scene = scene_named("cornell", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        for sampler in SAMPLERS {
+            for (set, samples) in &sets {
+                let wishes = Wishes { sampler: Some(sampler), ..Wishes::default() };
+                let plan = plan(device, &scene, &geometry, job(&scene, (40, 25), set.clone()), wishes);
+                let lists = RayLists::new(device, &plan).unwrap();
+                let hits = lists.trace(Query::Closest, &lists.camera_rays().unwrap()).unwrap();
+                let twin = Twin::new(&plan);
+                for &sample in *samples {
+                    let rays = lists.ambient_rays(&hits, sample).unwrap();
+                    let expected = reference::ambient_rays(&twin.inputs(&plan), &hits, sample, set);
+                    for (pixel, (ray, twin)) in rays.iter().zip(&expected).enumerate() {
+                        let bits =
+                            |ray: &RayRecord| (ray.origin.map(f32::to_bits), ray.direction.map(f32::to_bits));
+                        let what = || format!("{sampler}: pixel {pixel}, sample {sample} of {set:?}");
+                        assert_eq!((bits(ray), ray.t_max), (bits(twin), twin.t_max), "{}", what());
+                    }
+                }
+            }
+        }
+    });
+}
+
+/// Counts in blocks of samples, which know of the whole set, from a sample number that is far and odd.
+#[test]
+fn blocks_and_passes_keep_to_one_set() {
+    let far = (1 << 30) + 1;
+    with_device(|device| {
+        let scene = scene_named("cornell", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        for sampler in SAMPLERS {
+            for passes in [Passes::Single, Passes::Split, Passes::Staged] {
+                let wishes = Wishes { sampler: Some(sampler), passes: Some(passes), ..Wishes::default() };
+                let job = Job { block: Some(3), ..job(&scene, (40, 25), far..far + 11) };
+                let plan = plan(device, &scene, &geometry, job, wishes);
+                let Accumulated::Counts(counts) = run(device, &plan).accumulated else { panic!("counts") };
+                let expected = reference::render_counts(&Twin::new(&plan).inputs(&plan), far..far + 11, None);
+                assert!(counts == expected.counts, "{sampler} {passes}");
+            }
+        }
+    });
+}
