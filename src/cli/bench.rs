@@ -211,7 +211,7 @@ fn scenes(arguments: &Arguments) -> Result<Vec<String>> {
 }
 
 /// A procedural scene, `name` or `name:triangles`, or a file.
-fn subject(name: &str, seed: u32) -> Result<Subject> {
+pub(super) fn subject(name: &str, seed: u32) -> Result<Subject> {
     let (kind, triangles) = match name.split_once(':') {
         Some((kind, triangles)) => (kind, Some(triangles)),
         None => (name, None),

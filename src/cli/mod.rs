@@ -2,6 +2,8 @@
 
 mod args;
 mod bench;
+mod chart;
+mod chart_run;
 mod claims;
 mod compare;
 mod devices;
@@ -35,6 +37,8 @@ enum Command {
     Compare(Box<compare::Arguments>),
     /// Measure every method on scenes, frame by frame in turn: GPU times, the report's Table 1.
     Bench(Box<bench::Arguments>),
+    /// Chart speed against accuracy: errors of pictures over the GPU time that they take.
+    Chart(Box<chart::Arguments>),
     /// Test each statement of the report that cousu grew from on this device: holds or does not hold.
     Claims(Box<claims::Arguments>),
     /// List the Vulkan devices, best first.
@@ -65,6 +69,7 @@ fn dispatch() -> Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Chart(arguments) => chart::run(&arguments),
         Command::Claims(arguments) => claims::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),

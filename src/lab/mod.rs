@@ -1,6 +1,7 @@
 //! Experiments, one a file. They see plans and records, never a handle of an API.
 
 pub mod bench;
+pub mod chart;
 pub mod claims;
 pub mod compare;
 pub mod statistics;

@@ -63,7 +63,7 @@ pub fn write_csv(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// A field that may hold commas (RFC 4180).
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -71,7 +71,7 @@ fn quoted(text: &str) -> String {
     }
 }
 
-fn shown<T: ToString>(value: Option<T>) -> String {
+pub(super) fn shown<T: ToString>(value: Option<T>) -> String {
     value.map(|value| value.to_string()).unwrap_or_default()
 }
 
@@ -130,7 +130,7 @@ pub fn table(rows: &[&Row]) -> String {
 }
 
 /// Three significant digits, no fewer before the point.
-fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     let places = match value.abs() {
         v if v >= 100.0 => 0,
         v if v >= 10.0 => 1,

@@ -12,6 +12,15 @@ use crate::render::picture::Picture;
 
 /// Writes R = G = B = light, A = coverage, with the manifest as attribute `cousu`.
 pub fn write(picture: &Picture, manifest: &Manifest, out: &mut dyn WriteSeek) -> io::Result<()> {
+    write_with_texts(picture, &[("cousu", manifest.text())], out)
+}
+
+/// The same with any attributes, by name.
+pub fn write_with_texts(
+    picture: &Picture,
+    texts: &[(&'static str, String)],
+    out: &mut dyn WriteSeek,
+) -> io::Result<()> {
     let width = picture.width as usize;
     let channels = SpecificChannels::rgba(|place: Vec2<usize>| {
         let index = place.y() * width + place.x();
@@ -19,8 +28,10 @@ pub fn write(picture: &Picture, manifest: &Manifest, out: &mut dyn WriteSeek) ->
         (light, light, light, picture.coverage[index])
     });
     let mut attributes = LayerAttributes::default();
-    let text = Text::new_or_none(manifest.text()).unwrap_or_default();
-    attributes.other.insert(Text::from("cousu"), AttributeValue::Text(text));
+    for (name, text) in texts {
+        let text = Text::new_or_none(text).unwrap_or_default();
+        attributes.other.insert(Text::from(*name), AttributeValue::Text(text));
+    }
     let size = (width, picture.height as usize);
     let image = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_FAST_LOSSLESS, channels));
     image.write().to_buffered(out).map_err(|error| match error {
