@@ -112,7 +112,12 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             );
             let (passes, why) = choose_passes(method, adapter);
             choose("passes", wishes.passes.map(Passes::name), passes.name(), why);
-            choose("offset", wishes.offset.map(Offset::name), "scaled", "follows the scene's size");
+            choose(
+                "offset",
+                wishes.offset.map(Offset::name),
+                "ulp",
+                "no farther off the surface than the error of a hit point",
+            );
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
                 preset,
@@ -121,7 +126,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 passes: wishes.passes.unwrap_or(passes),
                 sampler: wishes.sampler.unwrap_or(Sampler::Sobol),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
-                offset: wishes.offset.unwrap_or(Offset::Scaled),
+                offset: wishes.offset.unwrap_or(Offset::Ulp),
                 slabs: wishes.slabs.unwrap_or(Slabs::Robust),
             }
         }
