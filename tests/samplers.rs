@@ -5,9 +5,9 @@ mod common;
 use std::ops::Range;
 
 use common::{Twin, geometry, job, plan, run, scene_named, with_device};
-use cousu::layout::RayRecord;
+use cousu::layout::{NO_HIT, RayRecord};
 use cousu::reference;
-use cousu::render::choices::{Passes, Preset, Sampler, Wishes};
+use cousu::render::choices::{Offset, Passes, Preset, Sampler, Wishes};
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
 use cousu::render::raylist::{Query, RayLists};
@@ -40,8 +40,6 @@ fn the_device_draws_the_numbers_of_the_twin() {
                     let rays = lists.ambient_rays(&hits, sample).unwrap();
                     let expected = reference::ambient_rays(&twin.inputs(&plan), &hits, sample, set);
                     for (pixel, (ray, twin)) in rays.iter().zip(&expected).enumerate() {
-                        let bits =
-                            |ray: &RayRecord| (ray.origin.map(f32::to_bits), ray.direction.map(f32::to_bits));
                         let what = || format!("{sampler}: pixel {pixel}, sample {sample} of {set:?}");
                         assert_eq!((bits(ray), ray.t_max), (bits(twin), twin.t_max), "{}", what());
                     }
@@ -49,6 +47,34 @@ fn the_device_draws_the_numbers_of_the_twin() {
             }
         }
     });
+}
+
+/// Rays that start some ulps off their surface, bit by bit.
+#[test]
+fn the_device_starts_rays_where_the_twin_does() {
+    with_device(|device| {
+        for (name, triangles) in common::SCENES {
+            let scene = scene_named(name, triangles);
+            for preset in [Preset::Auto, Preset::OriginalUnbiased] {
+                let geometry = geometry(&scene, preset);
+                let wishes = Wishes { preset: Some(preset), offset: Some(Offset::Ulp), ..Wishes::default() };
+                let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 0..4), wishes);
+                let lists = RayLists::new(device, &plan).unwrap();
+                let hits = lists.trace(Query::Closest, &lists.camera_rays().unwrap()).unwrap();
+                let rays = lists.ambient_rays(&hits, 1).unwrap();
+                let twin = Twin::new(&plan);
+                let expected = reference::ambient_rays(&twin.inputs(&plan), &hits, 1, &(0..4));
+                assert!(hits.iter().filter(|hit| hit.index != NO_HIT).count() > 500, "{name}");
+                for (pixel, (ray, twin)) in rays.iter().zip(&expected).enumerate() {
+                    assert_eq!(bits(ray), bits(twin), "{name} {preset}, pixel {pixel}");
+                }
+            }
+        }
+    });
+}
+
+fn bits(ray: &RayRecord) -> [[u32; 3]; 2] {
+    [ray.origin.map(f32::to_bits), ray.direction.map(f32::to_bits)]
 }
 
 /// Counts in blocks of samples, which know of the whole set, from a sample number that is far and odd.

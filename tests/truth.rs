@@ -9,7 +9,7 @@ use common::{
 use cousu::layout::{Count, HitRecord, RayRecord};
 use cousu::reference;
 use cousu::reference::exact::Truth;
-use cousu::render::choices::{Accumulator, Method, Preset, Sampler, Wishes};
+use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
@@ -37,12 +37,53 @@ fn a_lone_plane_gives_1_however_it_is_seen() {
         let scene = scene_of("v -9 0 -9\nv 9 0 -9\nv 9 0 9\nv -9 0 9\nf 4 3 2 1\n");
         let geometry = geometry(&scene, Preset::Auto);
         for eye in [[0.1, 5.0, 0.2], [3.0, 0.01, 8.0], [1.0, -4.0, 2.0]] {
-            let camera = pinhole(eye, [0.0; 3], [0.3, 0.2, 1.0], 60.0);
-            let job = Job { camera, ..job(&scene, (64, 40), 0..64) };
-            let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
-            let counts = counts(outcome.accumulated);
-            assert!(outcome.ambient_rays > 64 * 100, "{eye:?}");
-            assert!(counts.iter().all(|c| c.escaped0 == c.traced0 && c.escaped1 == c.traced1), "{eye:?}");
+            for offset in [Offset::Scaled, Offset::Ulp] {
+                let camera = pinhole(eye, [0.0; 3], [0.3, 0.2, 1.0], 60.0);
+                let job = Job { camera, ..job(&scene, (64, 40), 0..64) };
+                let wishes = Wishes { offset: Some(offset), ..Wishes::default() };
+                let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
+                assert!(outcome.ambient_rays > 64 * 100, "{eye:?} {offset}");
+                assert!(all_escaped(&counts(outcome.accumulated)), "{eye:?} {offset}");
+            }
+        }
+    });
+}
+
+fn all_escaped(counts: &[Count]) -> bool {
+    counts.iter().all(|c| c.escaped0 == c.traced0 && c.escaped1 == c.traced1)
+}
+
+/// Planes turned in every way, from either side, moved off by ulps; in the file's own units too.
+#[test]
+fn a_plane_askew_gives_1_with_an_offset_of_ulps() {
+    with_device(|device| {
+        let number = |i: u32| f64::from(hash(i, 5)) / f64::from(u32::MAX) * 2.0 - 1.0;
+        for i in 0..12 {
+            let vector = |place: u32| DVec3::new(number(place), number(place + 1), number(place + 2));
+            let normal = vector(9 * i).normalize();
+            let side = vector(9 * i + 3).cross(normal).normalize();
+            let (preset, unit) =
+                if i % 3 == 2 { (Preset::OriginalUnbiased, 100.0) } else { (Preset::Auto, 1.0) };
+            let shift = vector(9 * i + 6) * unit;
+            let mut mesh = Mesh::default();
+            for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                mesh.positions.push(shift + (side * x + normal.cross(side) * y) * unit);
+            }
+            mesh.triangles.extend([[0, 1, 2], [2, 3, 0]]);
+            let scene = scene_from(mesh, obj::Report::default());
+            let geometry = geometry(&scene, preset);
+            let eye = shift + (normal + side * 0.5) * unit * 2.0 * if i % 2 == 0 { 1.0 } else { -1.0 };
+            let camera = pinhole(eye.to_array(), shift.to_array(), side.to_array(), 60.0);
+            let job = Job { camera, ..job(&scene, (48, 30), 0..64) };
+            let wishes = Wishes {
+                preset: Some(preset),
+                accumulator: Some(Accumulator::Count),
+                offset: Some(Offset::Ulp),
+                ..Wishes::default()
+            };
+            let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
+            assert!(outcome.ambient_rays > 64 * 100, "plane {i}: {} rays", outcome.ambient_rays);
+            assert!(all_escaped(&counts(outcome.accumulated)), "plane {i}");
         }
     });
 }
@@ -265,15 +306,20 @@ fn the_twin_counts_the_same_rays() {
         for (name, triangles) in common::SCENES {
             let scene = scene_named(name, triangles);
             let geometry = geometry(&scene, Preset::Auto);
-            for (method, sampler) in [
-                (Method::Threaded, Sampler::Pcg),
-                (Method::Stack(geometry.stack_bound), Sampler::Lcg),
-                (Method::Stack(6), Sampler::Pcg),
-                (Method::Threaded, Sampler::Sobol),
-                (Method::Threaded, Sampler::Strata),
-                (Method::Threaded, Sampler::Philox),
+            for (method, sampler, offset) in [
+                (Method::Threaded, Sampler::Pcg, Offset::Scaled),
+                (Method::Stack(geometry.stack_bound), Sampler::Lcg, Offset::Scaled),
+                (Method::Stack(6), Sampler::Pcg, Offset::Scaled),
+                (Method::Threaded, Sampler::Sobol, Offset::Scaled),
+                (Method::Threaded, Sampler::Strata, Offset::Ulp),
+                (Method::Threaded, Sampler::Philox, Offset::Scaled),
             ] {
-                let wishes = Wishes { method: Some(method), sampler: Some(sampler), ..Wishes::default() };
+                let wishes = Wishes {
+                    method: Some(method),
+                    sampler: Some(sampler),
+                    offset: Some(offset),
+                    ..Wishes::default()
+                };
                 let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 3..12), wishes);
                 let outcome = run(device, &plan);
                 let twin = Twin::new(&plan);

@@ -1,6 +1,8 @@
 // The surface point that a camera ray met, and the ambient rays that start there. Twin:
 // src/reference/surface.rs.
 
+#include "offset.glsl"
+
 struct Surface {
     vec3 start;
     vec3 normal;
@@ -23,7 +25,7 @@ Surface surface_at(Ray ray, Hit hit) {
     }
     Surface surface;
     precise vec3 start = point + frame.offset * normal;
-    surface.start = start;
+    surface.start = ULP_OFFSET ? moved_off(point, normal) : start;
     surface.normal = normal;
     basis_of(normal, surface.tangent, surface.bitangent);
     return surface;

@@ -7,6 +7,7 @@ pub mod arith;
 pub mod camera;
 pub mod exact;
 pub mod intersect;
+pub mod offset;
 pub mod philox;
 pub mod ray;
 pub mod rng;

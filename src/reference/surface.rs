@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::Inputs;
 use super::arith::{cross3, dot3, max_abs, reciprocal};
+use super::offset::moved_off;
 use super::ray::{Hit, Ray};
 use super::sampling::{basis_of, cosine_direction, normalized};
 
@@ -35,7 +36,10 @@ pub fn surface_at(inputs: &Inputs, ray: &Ray, hit: &Hit) -> Surface {
     if inputs.choices.facing && dot3(normal, ray.direction) > 0.0 {
         normal = -normal;
     }
-    let start = point + inputs.frame.offset * normal;
+    let start = match inputs.choices.ulp_offset {
+        true => moved_off(inputs, point, normal),
+        false => point + inputs.frame.offset * normal,
+    };
     let (tangent, bitangent) = basis_of(normal);
     Surface { start, normal, tangent, bitangent }
 }

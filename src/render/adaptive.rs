@@ -11,9 +11,6 @@ use crate::layout::Count;
 pub const PILOT: u32 = 16;
 /// Fewest samples of a camera ray that hits: two of each half.
 const FEWEST: u32 = 4;
-/// Neighbours on each side whose variance is taken for a pixel's own, since a pilot of few samples may see none where
-/// there is some.
-const REACH: u32 = 2;
 /// Least variance of a pixel, as a part of the mean.
 const FLOOR: f64 = 0.02;
 
@@ -21,19 +18,59 @@ const FLOOR: f64 = 0.02;
 pub struct Shares {
     weights: Vec<f32>,
     hits: usize,
+    powers_of_two: bool,
+}
+
+/// How the variance of a camera ray's light is found, and what follows from it.
+struct Rule {
+    variance: fn(&Count) -> f64,
+    /// Neighbours on each side whose variance counts too, since few samples may see none where there is some.
+    reach: u32,
+    /// The part of a ray's own.
+    own: f32,
+    /// The share is in proportion to this power of the variance.
+    power: f64,
     /// Only powers of two, which a sequence in base 2 fills evenly.
     powers_of_two: bool,
 }
 
+impl Rule {
+    fn of(sampler: Sampler) -> Self {
+        match sampler {
+            // The variance of a mean of n is v / n: its sum over rays is least for n in proportion to sqrt(v).
+            Sampler::Lcg | Sampler::Pcg | Sampler::Philox => {
+                Self { variance: of_independent, reach: 2, own: 0.5, power: 0.5, powers_of_two: false }
+            }
+            // v / n^(3/2) across an edge, hence v^(2/5); and only the halves tell how well the points fit the edges.
+            Sampler::Sobol | Sampler::Strata => Self {
+                variance: of_halves,
+                reach: 3,
+                own: 0.1,
+                power: 0.4,
+                powers_of_two: sampler == Sampler::Sobol,
+            },
+        }
+    }
+}
+
+/// Of one sample, if e of n independent ones escaped: e (n - e) / (n (n - 1)), without bias.
+fn of_independent(count: &Count) -> f64 {
+    let (e, n) = (f64::from(count.escaped0 + count.escaped1), f64::from(count.traced0 + count.traced1));
+    e * (n - e) / (n * (n - 1.0).max(1.0))
+}
+
+/// The same from the difference of two halves of n / 2 samples, which need not be independent among themselves.
+fn of_halves(count: &Count) -> f64 {
+    let difference = f64::from(count.escaped0) - f64::from(count.escaped1);
+    difference * difference / f64::from(count.traced0 + count.traced1)
+}
+
 impl Shares {
-    /// From the pilot's counts. The variance of a mean of n independent samples is v / n, so the sum over pixels is
-    /// least for n in proportion to sqrt(v); stratified samples have v / n^(3/2) across an edge, hence v^(2/5).
+    /// From the pilot's counts.
     pub fn of_pilot(tiles: Tiles, counts: &[Count], sampler: Sampler) -> Self {
-        let power = match sampler {
-            Sampler::Lcg | Sampler::Pcg | Sampler::Philox => 0.5,
-            Sampler::Sobol | Sampler::Strata => 0.4,
-        };
-        let smooth = smoothed(tiles, counts);
+        let rule = Rule::of(sampler);
+        let power = rule.power;
+        let smooth = smoothed(tiles, counts, &rule);
         let hits = smooth.iter().flatten().count();
         let mean = smooth.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / hits.max(1) as f64;
         // Where nothing varies, all get the same.
@@ -41,7 +78,7 @@ impl Shares {
         let weight = |variance: &Option<f32>| {
             variance.map_or(0.0, |variance| f64::from(variance).max(least).powf(power) as f32)
         };
-        Self { weights: smooth.iter().map(weight).collect(), hits, powers_of_two: sampler == Sampler::Sobol }
+        Self { weights: smooth.iter().map(weight).collect(), hits, powers_of_two: rule.powers_of_two }
     }
 
     /// Samples of each camera ray when a ray that hits gets `mean` of them on the average. They never fall as `mean`
@@ -74,13 +111,9 @@ impl Shares {
     }
 }
 
-/// The variance of one sample, from each camera ray's own counts and its neighbours'; `None` for those that hit nothing.
-/// Without bias it is e (n - e) / (n (n - 1)) if e of n rays escaped.
-fn smoothed(tiles: Tiles, counts: &[Count]) -> Vec<Option<f32>> {
-    let variance = |count: &Count| {
-        let (e, n) = (f64::from(count.escaped0 + count.escaped1), f64::from(count.traced0 + count.traced1));
-        (n > 0.0).then(|| (e * (n - e) / (n * (n - 1.0).max(1.0))) as f32)
-    };
+/// The variance of each camera ray's light, from its own counts and its neighbours'; `None` for those that hit nothing.
+fn smoothed(tiles: Tiles, counts: &[Count], rule: &Rule) -> Vec<Option<f32>> {
+    let variance = |count: &Count| (count.traced0 > 0).then(|| (rule.variance)(count) as f32);
     let own: Vec<Option<f32>> = counts.iter().map(variance).collect();
     let mut smooth = vec![None; own.len()];
     let padded = tiles.padded_pixels() as usize;
@@ -89,8 +122,8 @@ fn smoothed(tiles: Tiles, counts: &[Count]) -> Vec<Option<f32>> {
         for y in 0..tiles.height {
             for x in 0..tiles.width {
                 let Some(here) = own[place(x, y)] else { continue };
-                let rows = y.saturating_sub(REACH)..=(y + REACH).min(tiles.height - 1);
-                let columns = x.saturating_sub(REACH)..=(x + REACH).min(tiles.width - 1);
+                let rows = y.saturating_sub(rule.reach)..=(y + rule.reach).min(tiles.height - 1);
+                let columns = x.saturating_sub(rule.reach)..=(x + rule.reach).min(tiles.width - 1);
                 let (mut sum, mut hits) = (0.0, 0.0);
                 for y in rows {
                     for variance in columns.clone().filter_map(|x| own[place(x, y)]) {
@@ -98,7 +131,7 @@ fn smoothed(tiles: Tiles, counts: &[Count]) -> Vec<Option<f32>> {
                         hits += 1.0;
                     }
                 }
-                smooth[place(x, y)] = Some(0.5 * here + 0.5 * sum / hits);
+                smooth[place(x, y)] = Some(rule.own * here + (1.0 - rule.own) * sum / hits);
             }
         }
     }

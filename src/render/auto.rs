@@ -101,8 +101,8 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             choose(
                 "sampler",
                 wishes.sampler.map(Sampler::name),
-                "pcg",
-                "keyed by pixel and sample: order does not matter",
+                "sobol",
+                "its error falls faster than that of independent numbers, and any order of the samples will do",
             );
             choose(
                 "accumulator",
@@ -119,7 +119,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 method,
                 builder: geometry.builder,
                 passes: wishes.passes.unwrap_or(passes),
-                sampler: wishes.sampler.unwrap_or(Sampler::Pcg),
+                sampler: wishes.sampler.unwrap_or(Sampler::Sobol),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
                 offset: wishes.offset.unwrap_or(Offset::Scaled),
                 slabs: wishes.slabs.unwrap_or(Slabs::Robust),
