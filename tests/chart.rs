@@ -80,7 +80,7 @@ fn a_reference_is_the_closed_form_within_its_standard_error() {
             sum += error;
             variance += of_pixel;
         }
-        assert!(pixels >= 40.0, "{pixels}");
+        assert!(pixels >= 30.0, "{pixels}");
         assert!(
             sum.abs() < 4.0 * variance.sqrt() + 3e-4 * pixels,
             "{} {}",
@@ -135,7 +135,10 @@ fn kept_references_are_those_of_this_version() {
         let sums = make(device, &recipe, &geometry, &mut Kept::default(), &mut |_| {}).unwrap();
         let bytes: Vec<u8> = sums.escaped.iter().chain(&sums.traced).flat_map(|n| n.to_le_bytes()).collect();
         let hash = xxhash_rust::xxh3::xxh3_64(&bytes);
-        assert_eq!((cousu::lab::chart::reference::VERSION, format!("{hash:016x}")), (1, "0".into()));
+        assert_eq!(
+            (cousu::lab::chart::reference::VERSION, format!("{hash:016x}")),
+            (1, "3582379281478b3f".into())
+        );
     });
 }
 
@@ -177,11 +180,10 @@ fn last<'a>(record: &'a Value, label: &str, key: &str) -> f64 {
 #[test]
 fn what_is_known_of_curves_shows() {
     let folder = tempfile::tempdir().unwrap();
-    let only =
-        "original,8-bit,original-unbiased,auto,lcg,fixed-seed,offset-fixed,wide,threaded,single,adaptive";
+    let only = "original-unbiased,auto,lcg,pcg,fixed-seed,wide,threaded,single,sobol,strata";
     let sized = ["--quick", "--size", "48x30", "--spp", "256", "--budget", "60"];
     let (record, _) = chart(folder.path(), &[&["cornell", "--only", only], &sized[..]].concat());
-    for label in ["original-unbiased", "auto", "lcg", "adaptive"] {
+    for label in ["original-unbiased", "lcg", "pcg"] {
         let slope = curve(&record, label)["slope"].as_f64().unwrap();
         assert!((slope + 0.5).abs() < 0.06, "{label}: independent samples' errors fall as N^{slope}");
         let (bias, error) = (last(&record, label, "bias"), last(&record, label, "bias_error"));
@@ -192,11 +194,9 @@ fn what_is_known_of_curves_shows() {
     for label in ["threaded", "single", "wide"] {
         assert_eq!(last(&record, label, "mse"), last(&record, "auto", "mse"), "{label}");
     }
-    // The running mean in 8 bits stalls; so do faults of preset original that more samples do not mend.
-    for label in ["8-bit", "original"] {
-        let slope = curve(&record, label)["slope"].as_f64().unwrap();
-        assert!(slope > -0.35, "{label}: {slope}");
-        assert!(last(&record, label, "rmse") > 1.3 * last(&record, "original-unbiased", "rmse"), "{label}");
+    // Better spread numbers are better.
+    for label in ["sobol", "strata"] {
+        assert!(last(&record, label, "rmse") < 0.95 * last(&record, "pcg", "rmse"), "{label}");
     }
     // Four numbers again and again: the error stays what it was.
     let fixed = points(&record, "fixed-seed");
@@ -206,11 +206,30 @@ fn what_is_known_of_curves_shows() {
     let to = |label: &str| {
         times.iter().find(|time| time["label"] == label && time["rmse"] == 0.01).expect("a time for each")
     };
-    assert!(to("fixed-seed")["gpu_ms"].is_null() && to("8-bit")["gpu_ms"].is_null());
-    assert!(
-        to("auto")["gpu_ms"].as_f64().unwrap() > last(&record, "auto", "gpu_ms")
-            && to("auto")["extrapolated"] == true
-    );
+    assert!(to("fixed-seed")["gpu_ms"].is_null());
+    let pcg = to("pcg");
+    assert!(pcg["gpu_ms"].as_f64().unwrap() > last(&record, "pcg", "gpu_ms") && pcg["extrapolated"] == true);
+}
+
+/// The running mean in 8 bits drifts upwards and stalls; so do faults of preset original that no sample mends.
+#[test]
+fn the_original_stalls() {
+    let folder = tempfile::tempdir().unwrap();
+    let sized = ["--quick", "--size", "32x20", "--spp", "1024", "--budget", "60", "--only"];
+    let only = ["original,8-bit,original-unbiased"];
+    let (record, _) = chart(folder.path(), &[&["cornell"], &sized[..], &only].concat());
+    assert!(last(&record, "8-bit", "bias") > 5.0 * last(&record, "8-bit", "bias_error"));
+    for label in ["8-bit", "original"] {
+        let [.., before, after] = &points(&record, label)[..] else { panic!("{label} has no two points") };
+        let [before, after] = [before, after].map(|point| point["rmse"].as_f64().unwrap());
+        assert!(
+            after > 0.85 * before,
+            "{label}: four times as many samples should halve {before}, not {after}"
+        );
+        assert!(after > 2.0 * last(&record, "original-unbiased", "rmse"), "{label}: {after}");
+        let times = record["time_to_rmse"].as_array().unwrap();
+        assert!(times.iter().filter(|time| time["label"] == label).all(|time| time["gpu_ms"].is_null()));
+    }
 }
 
 /// Where all is dark, a mean in 8 bits is too bright: a byte that is rounded down stays, one that is rounded up grows.

@@ -161,19 +161,17 @@ fn draw<B: DrawingBackend>(canvas: &Canvas<B>, record: &Record, facts: &SceneFac
 
 /// Grid, ticks and title of a panel.
 fn frame<B: DrawingBackend>(canvas: &Canvas<B>, x: &LogAxis, y: &LogAxis, title: &str) -> io::Result<()> {
-    let many = y.ticks().iter().filter(|tick| tick.0).count() > 1;
     for (power, value) in x.ticks() {
         let at = x.at(value);
         canvas.line(&[(at, y.from), (at, y.to)], &grid(power))?;
-        if power && y.from == BOTTOM {
+        if y.from == BOTTOM && is_named(x, power, value) {
             canvas.text(&time_text(value), (at, y.from + 18.0), 16.0, INK, Anchor::Middle)?;
         }
     }
     for (power, value) in y.ticks() {
         let at = y.at(value);
         canvas.line(&[(x.from, at), (x.to, at)], &grid(power))?;
-        let digit = (value / 10f64.powf(value.log10().floor() + 1e-9)).round() as u32;
-        if power || !many && [2, 5].contains(&digit) {
+        if is_named(y, power, value) {
             canvas.text(&number_text(value), (x.from - 9.0, at), 16.0, INK, Anchor::Right)?;
         }
     }
@@ -182,13 +180,21 @@ fn frame<B: DrawingBackend>(canvas: &Canvas<B>, x: &LogAxis, y: &LogAxis, title:
     canvas.text_turned(title, (26.0, (y.from + y.to) * 0.5), 18.0, INK, Anchor::Middle, true)
 }
 
+/// Powers of ten have their numbers, and where there are few of them, 2 and 5 times each too.
+fn is_named(axis: &LogAxis, power: bool, value: f64) -> bool {
+    let decades = (axis.high / axis.low).log10();
+    let room = (axis.to - axis.from).abs() / decades;
+    let digit = (value / 10f64.powf((value.log10() + 1e-9).floor())).round() as u32;
+    power || room > 180.0 && [2, 5].contains(&digit)
+}
+
 fn grid(power: bool) -> Stroke {
     Stroke::new(GRID, if power { 1.1 } else { 0.6 }).faint(if power { 1.0 } else { 0.55 })
 }
 
 fn time_text(ms: f64) -> String {
     match ms {
-        ms if ms >= 999.0 => format!("{} s", (ms * 1e-3).round()),
+        ms if ms >= 999.0 => format!("{} s", number_text(ms * 1e-3)),
         ms if ms >= 0.99 => format!("{} ms", ms.round()),
         ms => format!("{} ms", number_text(ms)),
     }
@@ -229,11 +235,10 @@ fn guides<B: DrawingBackend>(
         }
         let at = |t: f64| (x.at(t), y.at(value(t)));
         canvas.line(&[at(first), at(end)], &Stroke::new(SOFT, 1.0).dashed(2.0, 4.0))?;
-        let (right, middle) = at(end * 0.8);
-        let (right, middle) = (right - 8.0, middle + 2.0);
-        let raised = 6.0 * name.len() as f64;
-        canvas.text("N", (right - raised, middle), 15.0, SOFT, Anchor::Right)?;
-        canvas.text(name, (right - raised + 1.0, middle - 6.0), 11.0, SOFT, Anchor::Left)?;
+        let (left, middle) = at(end * 0.75);
+        let (left, middle) = (left + 10.0, middle - 3.0);
+        canvas.text("N", (left, middle), 15.0, SOFT, Anchor::Left)?;
+        canvas.text(name, (left + 12.0, middle - 6.0), 11.0, SOFT, Anchor::Left)?;
     }
     Ok(())
 }

@@ -18,7 +18,7 @@ pub fn write(picture: &Picture, manifest: &Manifest, out: &mut dyn WriteSeek) ->
 /// The same with any attributes, by name.
 pub fn write_with_texts(
     picture: &Picture,
-    texts: &[(&'static str, String)],
+    texts: &[(&str, String)],
     out: &mut dyn WriteSeek,
 ) -> io::Result<()> {
     let width = picture.width as usize;
@@ -30,7 +30,9 @@ pub fn write_with_texts(
     let mut attributes = LayerAttributes::default();
     for (name, text) in texts {
         let text = Text::new_or_none(text).unwrap_or_default();
-        attributes.other.insert(Text::from(*name), AttributeValue::Text(text));
+        if let Some(name) = Text::new_or_none(name) {
+            attributes.other.insert(name, AttributeValue::Text(text));
+        }
     }
     let size = (width, picture.height as usize);
     let image = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_FAST_LOSSLESS, channels));

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use exr::image::{AnyChannels, FlatSamples};
 use exr::meta::MetaData;
-use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text};
+use exr::prelude::{AttributeValue, ReadChannels, ReadLayers};
 
 use crate::error::{Error, Result};
 use crate::render::picture::Picture;
@@ -99,7 +99,7 @@ fn decode(bytes: &[u8], (width, height): (u32, u32)) -> std::result::Result<Read
 }
 
 fn channel(channels: &AnyChannels<FlatSamples>, name: &str) -> Option<Vec<f32>> {
-    let found = channels.list.iter().find(|channel| channel.name == Text::from(name))?;
+    let found = channels.list.iter().find(|channel| channel.name == *name)?;
     Some(found.sample_data.values_as_f32().collect())
 }
 

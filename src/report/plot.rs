@@ -333,6 +333,7 @@ mod tests {
     }
 
     #[test]
+    #[allow(clippy::redundant_closure)] // Each canvas has a lifetime of its own.
     fn pixels_and_svg_show_text_and_markers() {
         fn draw<B: DrawingBackend>(canvas: &Canvas<B>) -> io::Result<()> {
             canvas.text("RMSE", (30.0, 10.0), 12.0, BLACK, Anchor::Middle)?;
@@ -345,7 +346,7 @@ mod tests {
             }
             canvas.line(&[(0.0, 40.0), (60.0, 40.0)], &Stroke::new(BLUE, 1.0).dashed(3.0, 3.0))
         }
-        let image = pixels((60, 50), draw).unwrap();
+        let image = pixels((60, 50), |canvas| draw(canvas)).unwrap();
         assert_eq!(image.dimensions(), (120, 100));
         let dark = |rows: std::ops::Range<u32>| {
             rows.flat_map(|y| (0..120).map(move |x| (x, y)))
@@ -354,7 +355,7 @@ mod tests {
         };
         assert!(dark(8..32) > 50, "the text is there without a font of the system");
         assert!(dark(50..70) > 100);
-        let text = svg((60, 50), draw).unwrap();
+        let text = svg((60, 50), |canvas| draw(canvas)).unwrap();
         assert!(text.starts_with("<svg") && text.contains("RMSE"), "{text}");
     }
 }

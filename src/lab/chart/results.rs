@@ -159,24 +159,43 @@ fn time_to(curve: &Curve, error: f64, base_ms: Option<f64>) -> TimeTo {
         .points
         .last()
         .map_or(0.0, |last| last.rmse_below.unwrap_or(0.0).max(last.bias.abs() - 2.0 * last.bias_error));
-    let reach = |x: &dyn Fn(&Point) -> f64| {
-        let places: Vec<Place> = curve.points.iter().map(|point| (x(point), point.place().1)).collect();
-        front::reach(&places, error, floor)
-    };
-    let time = reach(&|point| point.gpu_ms);
-    let spp = reach(&|point| f64::from(point.spp));
-    let how = |how| time.is_some_and(|reached| reached.how == how);
-    let gpu_ms = time.map(|reached| reached.at);
+    // Over samples, which have no noise as times have.
+    let over_samples = |point: &Point| (f64::from(point.spp), point.place().1);
+    let places: Vec<Place> = curve.points.iter().map(over_samples).collect();
+    let reached = front::reach(&places, error, floor);
+    let how = |how| reached.is_some_and(|reached| reached.how == how);
+    let spp = reached.map(|reached| reached.at);
+    let gpu_ms = spp.and_then(|spp| time_at(&curve.points, spp));
     TimeTo {
         scene: curve.scene.clone(),
         label: curve.label.clone(),
         rmse: error,
         gpu_ms,
-        spp: time.and(spp).map(|reached| reached.at),
+        spp,
         extrapolated: how(How::Beyond),
         at_most: how(How::AtMost),
         factor: base_ms.zip(gpu_ms).map(|(base, ms)| base / ms).filter(|factor| factor.is_finite()),
     }
+}
+
+/// GPU time of a picture of so many samples: between points a power law, beyond the last one as much for each sample as
+/// there.
+fn time_at(points: &[Point], spp: f64) -> Option<f64> {
+    let of = |point: &Point| (f64::from(point.spp), point.gpu_ms);
+    let after = points.iter().position(|point| f64::from(point.spp) >= spp);
+    Some(match after {
+        None => {
+            let (last, ms) = of(points.last()?);
+            ms * spp / last
+        }
+        Some(0) => points[0].gpu_ms,
+        Some(place) => {
+            let ((s0, t0), (s1, t1)) = (of(&points[place - 1]), of(&points[place]));
+            let part = (spp / s0).ln() / (s1 / s0).ln();
+            t0 * (t1 / t0).powf(part)
+        }
+    })
+    .filter(|ms| ms.is_finite())
 }
 
 #[cfg(test)]
@@ -243,6 +262,17 @@ mod tests {
         assert!(wrong.slope.unwrap() > -0.4);
         assert!(curves[0].points.iter().all(|point| !point.pareto), "all are beaten");
         assert!(fine.points.last().unwrap().pareto && wrong.points[0].pareto);
+    }
+
+    /// A device that others are at work on: what is told of errors does not depend on one odd time.
+    #[test]
+    fn times_that_go_up_and_down_do_not_hide_a_curve_that_falls() {
+        let mut curves = [curve(BASE, 1.0, 0.4, -0.5, 0.0)];
+        curves[0].points[5].gpu_ms *= 3.0;
+        let times = evaluate(&mut curves);
+        assert!(times[0].gpu_ms.is_some_and(|ms| (1600.0..4800.0).contains(&ms)), "{times:?}");
+        assert!((times[1].spp.unwrap() / (0.4f64 / 0.003).powi(2) - 1.0).abs() < 1e-9);
+        assert!((times[1].gpu_ms.unwrap() / times[1].spp.unwrap() - 3.0).abs() < 1e-9);
     }
 
     #[test]
