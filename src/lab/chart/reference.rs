@@ -24,7 +24,7 @@ use crate::vk::{Device, DeviceKind};
 pub const VERSION: u32 = 1;
 
 const SAMPLER: Sampler = Sampler::Philox;
-const OFFSET: Offset = Offset::Scaled;
+const OFFSET: Offset = Offset::Ulp;
 const SLABS: Slabs = Slabs::Robust;
 
 /// Digits of e. Curves have other seeds: a chart takes two that its own seed is not.
