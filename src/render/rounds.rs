@@ -140,7 +140,8 @@ fn affordable(last: &Round, limit: Duration) -> Option<f64> {
     // Half of what would fit, while much is left: the rate so far holds what is done only once.
     let more = left / each;
     let so_far = f64::from(last.samples);
-    (more >= 2.0).then(|| so_far + if more > so_far { more * 0.5 } else { more })
+    let step = if more > so_far { more * 0.5 } else { more };
+    (more >= 2.0).then_some(so_far + step)
 }
 
 #[cfg(test)]
