@@ -26,8 +26,8 @@ uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
 }
 
 // Burley also shuffles the indices, so that pairs of dimensions under several seeds can be joined. There is only one pair
-// here, and scrambling alone makes each point uniform and other seeds' points independent; so the order stays,
-// every prefix is the sequence's own, and no index is too large.
+// here, and scrambling alone makes each point uniform and other seeds' points independent; so a point's
+// place is its index, and no index is too large.
 uvec2 sobol_bits(uint index, uvec2 seed) {
     return bitfieldReverse(owen_scramble(uvec2(index, pascal_product(index)), seed));
 }
@@ -65,7 +65,7 @@ vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {
     uvec2 seed = (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
     uint index = sample_index >> 1;
     uint samples = set.y - set.x;
-    bool whole_net = samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
+    bool whole_net = REPEAT == 0u && samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
     if (whole_net) index = sobol_index(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
     return unit_floats(sobol_bits(index, seed));
 }

@@ -106,7 +106,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "sampler",
                 wishes.sampler.map(Sampler::name),
                 "sobol",
-                "its error falls faster than that of independent numbers, and any order of the samples will do",
+                "its error falls faster than that of independent numbers",
             );
             choose(
                 "accumulator",
@@ -121,6 +121,12 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 wishes.offset.map(Offset::name),
                 "ulp",
                 "no farther off the surface than the error of a hit point",
+            );
+            choose(
+                "samples",
+                None,
+                "as many for each pixel",
+                "--adaptive pays where large parts of the picture are open",
             );
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
