@@ -137,8 +137,9 @@ fn draw<B: DrawingBackend>(canvas: &Canvas<B>, record: &Record, facts: &SceneFac
     let title = format!("{}: error over GPU time", facts.scene);
     canvas.text(&title, (LEFT, 30.0), 30.0, INK, Anchor::Left)?;
     let [width, height] = record.size;
+    let nearest = facts.max_distance.map_or(String::new(), |d| format!(", occluders up to {d} away"));
     let what = format!(
-        "{} triangles, {width}x{height} pixels, {} ({})",
+        "{} triangles, {width}x{height} pixels{nearest}, {} ({})",
         facts.triangles, record.device, record.driver
     );
     canvas.text(&what, (LEFT, 62.0), 17.0, SOFT, Anchor::Left)?;
@@ -280,6 +281,12 @@ fn size_of_bias(point: &Point) -> f64 {
     point.bias.abs().max(point.bias_error)
 }
 
+/// Halfway to white.
+fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
+    let half = |channel: u8| ((u16::from(channel) + 255) / 2) as u8;
+    RGBColor(half(r), half(g), half(b))
+}
+
 fn bias_curve<B: DrawingBackend>(
     canvas: &Canvas<B>,
     shown: &Shown<'_>,
@@ -294,7 +301,7 @@ fn bias_curve<B: DrawingBackend>(
         canvas.line(&[at(&pair[0]), at(&pair[1])], &Stroke { colour, alpha, width: width * 0.8, dash })?;
     }
     for point in &shown.curve.points {
-        let radius = if sure(point) { 4.2 } else { 3.0 };
+        let (radius, colour) = if sure(point) { (4.2, colour) } else { (3.0, pale(colour)) };
         canvas.marker(marker, at(point), radius, colour, sure(point))?;
     }
     Ok(())
@@ -331,7 +338,12 @@ fn legend<B: DrawingBackend>(canvas: &Canvas<B>, curves: &[Shown<'_>]) -> io::Re
         .line(&[(LEGEND, notes + 8.0), (LEGEND + 40.0, notes + 8.0)], &Stroke::new(GOLD, 13.0).faint(0.38))?;
     canvas.disc((LEGEND + 20.0, notes + 8.0), 11.0, GOLD, 0.75)?;
     canvas.text("Pareto front", (LEGEND + 52.0, notes + 8.0), 17.0, INK, Anchor::Left)?;
-    let lines = ["|bias|: mean error; hollow and pale", "where it is within two standard", "errors of 0"];
+    let lines = [
+        "RMSE: hollow where it is below what",
+        "the references resolve",
+        "|bias|: mean error; hollow and pale",
+        "within two standard errors of 0",
+    ];
     for (place, line) in lines.iter().enumerate() {
         canvas.text(line, (LEGEND, notes + 46.0 + 20.0 * place as f64), 14.0, SOFT, Anchor::Left)?;
     }

@@ -25,7 +25,7 @@ pub enum How {
 const FARTHEST: f64 = 16.0;
 /// Slope (of log error over log time) at the end of a curve that still falls: independent samples have -1/2, and an
 /// error that does not vanish bends a curve towards 0.
-const STILL_FALLING: f64 = -0.35;
+const STILL_FALLING: f64 = -0.4;
 /// Points at the end of a curve that its slope is taken from.
 const END: usize = 3;
 

@@ -6,6 +6,7 @@ use super::accuracy::Errors;
 use super::curves::{BASE, Choices, Varies};
 use super::front::{self, How, Place};
 use crate::lab::statistics::Median;
+use crate::render::choices::Accumulator;
 
 /// A picture: what it took and how far it is from the truth.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -153,12 +154,13 @@ fn efficiency(points: &[Point]) -> Option<Efficiency> {
 }
 
 fn time_to(curve: &Curve, error: f64, base_ms: Option<f64>) -> TimeTo {
-    // No picture's root mean square error is below the size of its mean error; and where an error is not resolved, a
-    // slope is not known.
-    let floor = curve
-        .points
-        .last()
-        .map_or(0.0, |last| last.rmse_below.unwrap_or(0.0).max(last.bias.abs() - 2.0 * last.bias_error));
+    // No picture's root mean square error is below the size of its mean error; where an error is not resolved, a slope is
+    // not known; and every mean in 8 bits stalls, however well it falls before.
+    let stalls = curve.choices.accumulator == Accumulator::Rgba8.name();
+    let floor = curve.points.last().map_or(0.0, |last| match stalls {
+        true => f64::INFINITY,
+        false => last.rmse_below.unwrap_or(0.0).max(last.bias.abs() - 2.0 * last.bias_error),
+    });
     // Over samples, which have no noise as times have.
     let over_samples = |point: &Point| (f64::from(point.spp), point.place().1);
     let places: Vec<Place> = curve.points.iter().map(over_samples).collect();
@@ -255,6 +257,9 @@ mod tests {
         assert!(of(BASE, 0.003).extrapolated && of(BASE, 0.003).gpu_ms.is_some());
         assert_eq!(of("wrong", 0.01).gpu_ms, None);
         assert_eq!(of("wrong", 0.01).factor, None);
+        let mut eight_bit = [curve("8-bit", 10.0, 0.4, -0.5, 0.0)];
+        eight_bit[0].choices.accumulator = "rgba8";
+        assert_eq!(evaluate(&mut eight_bit)[1].gpu_ms, None, "it would stall");
         let [_, fast, fine, wrong] = &curves;
         assert!((fast.efficiency.unwrap().factor.unwrap() - 5.0).abs() < 1e-9);
         assert_eq!(fast.efficiency.unwrap().spp, 1024);
