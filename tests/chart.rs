@@ -172,7 +172,7 @@ fn curve<'a>(record: &'a Value, label: &str) -> &'a Value {
     record["curves"].as_array().unwrap().iter().find(|curve| curve["label"] == label).unwrap()
 }
 
-fn last<'a>(record: &'a Value, label: &str, key: &str) -> f64 {
+fn last(record: &Value, label: &str, key: &str) -> f64 {
     let last = points(record, label).last().unwrap_or_else(|| panic!("{label} has no point"));
     last[key].as_f64().unwrap_or_else(|| panic!("{label} has no {key}: {last}"))
 }

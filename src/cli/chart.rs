@@ -23,6 +23,7 @@ use crate::report::manifest::Manifest;
 use crate::vk::{Adapter, DeviceKind};
 
 #[derive(Args)]
+#[command(after_help = labels())]
 pub struct Arguments {
     /// OBJ files, or procedural scenes by name, such as hairball or hairball:100000 (so many triangles) [default: cornell
     /// and maison; with --quick cornell]
@@ -80,6 +81,14 @@ pub struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     device: DeviceArguments,
+}
+
+fn labels() -> String {
+    format!(
+        "Curves:\n  {}\n(8-bit is the original made unbiased but for its running mean in bytes; stack has as many entries as the \
+         tree needs; fixed-seed draws the same four numbers again and again.)",
+        curves::labels().join(", ")
+    )
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
