@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::{SCENES, geometry, job, plan, run, scene_named, scene_of, with_device};
 use cousu::layout::Count;
-use cousu::render::choices::{Accumulator, Passes, Preset, Sampler, Wishes};
+use cousu::render::choices::{Accumulator, Method, Passes, Preset, Sampler, Wishes};
 use cousu::render::execute::Outcome;
 use cousu::render::picture::{Accumulated, Picture};
 use cousu::render::plan::{Job, Plan};
@@ -279,6 +279,30 @@ fn running_means_are_refused_where_counts_are_needed() {
                 Ok(_) => panic!("{option} was taken"),
                 Err(error) => assert!(error.to_string().starts_with(option), "{error}"),
             }
+        }
+    });
+}
+
+/// Pixels that a driver's loop limit holds up lag behind the others in a round; the next one must not take their list for
+/// everybody's.
+#[test]
+fn a_round_in_which_pixels_lagged_is_followed_by_a_whole_one() {
+    let mut text = String::from("v -1 -1 -1\nv 1 -1 -1\nv 1 -1 1\nv -1 -1 1\nf 1 4 3 2\n");
+    text += "v 0.3 0 -1\nv 1 1 -1\nv 0.3 1 1\nf 5 6 7\nv -1 -1 -1\nv 1 1 1\nv 1 1 0.999\n";
+    text += &"f 8 9 10\n".repeat(9000);
+    let scene = scene_of(&text);
+    with_device(|device| {
+        let geometry = geometry(&scene, Preset::Auto);
+        let entries = geometry.stack_bound.max(64);
+        for seed in 1..4 {
+            let job = Job { goal: Goal::Rmse(0.032), seed, ..job(&scene, (8, 8), 0..1 << 12) };
+            let wishes = Wishes {
+                method: Some(Method::Stack(entries)),
+                passes: Some(Passes::Split),
+                ..Wishes::default()
+            };
+            let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
+            assert!(counts(&outcome).iter().all(|count| [0, outcome.samples].contains(&traced(count))));
         }
     });
 }

@@ -13,8 +13,8 @@ vec3 moved_off(vec3 point, vec3 normal) {
     float fixed_length = 32.0 * frame.box_pad;
     ivec3 steps = ivec3(OFFSET_ULPS * normal);
     precise vec3 by_length = point + fixed_length * normal;
-    // Bits of floats count away from zero.
-    ivec3 signed_steps = mix(steps, -steps, lessThan(point, vec3(0.0)));
-    vec3 by_ulps = intBitsToFloat(floatBitsToInt(point) + signed_steps);
+    // Bits of floats count away from zero. (OpenGL 4.3 has no choice between vectors of integers.)
+    ivec3 outward = ivec3(1) - 2 * ivec3(lessThan(point, vec3(0.0)));
+    vec3 by_ulps = intBitsToFloat(floatBitsToInt(point) + outward * steps);
     return mix(by_ulps, by_length, lessThan(abs(point), vec3(near)));
 }

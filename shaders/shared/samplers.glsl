@@ -18,7 +18,7 @@ vec2 sample_numbers(uint pixel, uint sample_index, uvec2 set, inout uint lcg_sta
         lcg_state = lcg_step(first);
         return vec2(lcg_float(first), lcg_float(lcg_state));
     }
-    if (SAMPLER == SAMPLER_SOBOL) return sobol_numbers(pixel, sample_index);
+    if (SAMPLER == SAMPLER_SOBOL) return sobol_numbers(pixel, sample_index, set);
     if (SAMPLER == SAMPLER_STRATA) return strata_numbers(pixel, sample_index, set);
     if (SAMPLER == SAMPLER_PHILOX) return philox_numbers(pixel, sample_index);
     return pcg_numbers(pixel, sample_index);

@@ -26,14 +26,46 @@ uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
 }
 
 // Burley also shuffles the indices, so that pairs of dimensions under several seeds can be joined. There is only one pair
-// here, and scrambling alone makes each point uniform and other seeds' points independent; so the order stays,
-// every prefix is the sequence's own, and no index is too large.
+// here, and scrambling alone makes each point uniform and other seeds' points independent; so a point's
+// place is its index, and no index is too large.
 uvec2 sobol_bits(uint index, uvec2 seed) {
     return bitfieldReverse(owen_scramble(uvec2(index, pascal_product(index)), seed));
 }
 
+// The order of a half's points. Where the samples of a go are a whole net, they are taken cell by cell of a grid of 4 x 8 over
+// the unit square, which is the same for all pixels, so that neighbouring lanes' rays stay together. It is the same points
+// in the end, each pixel's own and independent of the others', and the same counts.
+#define SOBOL_CELL_BITS 5u
+
+// The first digits that scrambling turns into those of the cell: each digit's turn depends on those above it.
+uvec2 unscrambled(uvec2 cell, uvec2 seed) {
+    uvec2 digits = uvec2(0u);
+    for (uint digit = 0u; digit < 3u; digit++) digits |= (owen_scramble(digits, seed) ^ cell) & (1u << digit);
+    return digits;
+}
+
+// The index of point `place` in that order of 2^bits points from `first` on. The cell's digits of the first dimension are the
+// index's lowest two bits. Those of the second are sums of index bits (the rows of Pascal's triangle), which are
+// solved for the next three bits.
+uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
+    uint inner = bits - SOBOL_CELL_BITS;
+    uint digits = bitfieldReverse(place >> inner) >> (32u - SOBOL_CELL_BITS);
+    uvec2 wanted = unscrambled(uvec2(digits & 3u, digits >> 2), seed);
+    uint index = first + ((place & ((1u << inner) - 1u)) << SOBOL_CELL_BITS) + (wanted.x & 3u);
+    uint missing = pascal_product(index) ^ wanted.y;
+    uint bit3 = (missing >> 1) & 1u;
+    uint bit2 = ((missing >> 2) & 1u) ^ bit3;
+    uint bit4 = (missing & 1u) ^ bit2 ^ bit3;
+    return index + (bit2 << 2) + (bit3 << 3) + (bit4 << 4);
+}
+
 // A pixel has two sequences under seeds of their own, one for each half of its samples.
-vec2 sobol_numbers(uint pixel, uint sample_index) {
+vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {
     uvec4 seeds = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
-    return unit_floats(sobol_bits(sample_index >> 1, (sample_index & 1u) == 0u ? seeds.xy : seeds.zw));
+    uvec2 seed = (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
+    uint index = sample_index >> 1;
+    uint samples = set.y - set.x;
+    bool whole_net = REPEAT == 0u && samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
+    if (whole_net) index = sobol_index(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
+    return unit_floats(sobol_bits(index, seed));
 }

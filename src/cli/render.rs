@@ -9,7 +9,7 @@ use super::args::{CameraArguments, ChoiceArguments, distance, error, seconds, si
 use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
-use crate::layout::{self, Frame};
+use crate::layout::{self, FRAME_SAMPLES, Frame};
 use crate::render::auto;
 use crate::render::execute;
 use crate::render::picture::Picture;
@@ -50,7 +50,7 @@ pub struct Arguments {
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["spp", "target_rmse"])]
     time: Option<Duration>,
     /// Share out the rays by the error: a few rays, which are thrown away, tell which pixels need more and which fewer; --spp
-    /// is the mean then
+    /// is about the mean then. Pays where large parts are open
     #[arg(long)]
     adaptive: bool,
     /// Camera rays of a pixel, among which its ambient rays are dealt out: edges become smooth, to 1/K of a pixel
@@ -172,8 +172,10 @@ fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
                  of {jitters}."
             )));
         }
-        (Goal::Samples, spp) => spp.unwrap_or(DEFAULT_SPP.next_multiple_of(jitters)),
-        _ => MOST_SAMPLES,
+        (Goal::Samples, Some(spp)) => spp,
+        // Two rays at least of each camera ray, so that the error can be told; whole frames of the original.
+        (Goal::Samples, None) => DEFAULT_SPP.max(2 * jitters).next_multiple_of(jitters * FRAME_SAMPLES),
+        _ => MOST_SAMPLES / (jitters * FRAME_SAMPLES) * jitters * FRAME_SAMPLES,
     };
     Ok(Job {
         camera,

@@ -47,9 +47,11 @@ mod tests {
 
     use super::*;
     use crate::layout::NO_HIT;
+    use crate::reference::intersect::any_of_triangle;
     use crate::reference::ray::{Ray, no_hit};
+    use crate::reference::slabs::slabs_of;
     use crate::reference::surface::{ambient_ray, surface_at};
-    use crate::reference::testing::{Random, Scene, aimed_ray};
+    use crate::reference::testing::{Random, Scene, aimed_ray, procedural};
     use crate::reference::{Traversal, traverse};
     use crate::scene::Mesh;
     use crate::scene::condition::{Placement, place};
@@ -121,6 +123,34 @@ mod tests {
             }
             assert!(starts > 2500, "{starts} hits");
             assert_eq!(met, 0, "rays from {starts} starts on {parts} x {parts} rectangles of 1 to {ratio}");
+        }
+    }
+
+    /// The procedural scenes, thin triangles among them: no ray meets the triangle that it leaves.
+    #[test]
+    fn no_ray_meets_its_own_triangle() {
+        let mut random = Random::new(61);
+        for name in ["cornell", "maison", "arcade", "terrain", "hairball", "stadium"] {
+            let scene = Scene::of(procedural(name, (name != "cornell" && name != "maison").then_some(3000)));
+            let mut inputs = scene.by(Traversal::Threaded);
+            inputs.choices.ulp_offset = true;
+            let (mut starts, mut met) = (0, 0);
+            while starts < 4000 {
+                let target = &scene.triangles[random.below(scene.triangles.len() as u32) as usize];
+                let ray = aimed_ray(&mut random, target);
+                let (hit, _) = traverse::closest_hit(&inputs, &ray, no_hit(ray.t_max));
+                if hit.index == NO_HIT {
+                    continue;
+                }
+                starts += 1;
+                let surface = surface_at(&inputs, &ray, &hit);
+                for i in 0..16 {
+                    let u = Vec2::new(random.unit() * [1.0, 1e-4][i % 2], random.unit());
+                    let ray = ambient_ray(&inputs, &surface, u);
+                    met += u32::from(any_of_triangle(&inputs, &ray, &slabs_of(&ray, true), hit.index));
+                }
+            }
+            assert_eq!(met, 0, "{name}: rays from {starts} starts");
         }
     }
 

@@ -30,7 +30,7 @@ pub fn sample_numbers(
             *lcg_state = lcg_step(first);
             Vec2::new(lcg_float(first), lcg_float(*lcg_state))
         }
-        SAMPLER_SOBOL => sobol_numbers(inputs, pixel, sample),
+        SAMPLER_SOBOL => sobol_numbers(inputs, pixel, sample, set),
         SAMPLER_STRATA => strata_numbers(inputs, pixel, sample, set),
         SAMPLER_PHILOX => philox_numbers(inputs, pixel, sample),
         _ => pcg_numbers(inputs, pixel, sample),

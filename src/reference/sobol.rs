@@ -1,5 +1,7 @@
 //! Owen-scrambled Sobol points, two dimensions. Twin of shaders/shared/sobol.glsl, which says why they look like this.
 
+use std::ops::Range;
+
 use glam::Vec2;
 
 use super::Inputs;
@@ -31,10 +33,44 @@ pub fn sobol_bits(index: u32, seeds: [u32; 2]) -> [u32; 2] {
     ]
 }
 
+/// Bits of the grid of cells in whose order a whole net is taken.
+const CELL_BITS: u32 = 5;
+
+/// The first digits that scrambling turns into those of the cell.
+fn unscrambled(cell: [u32; 2], seeds: [u32; 2]) -> [u32; 2] {
+    let mut digits = [0, 0];
+    for digit in 0..3 {
+        for dimension in 0..2 {
+            let turned = owen_scramble(digits[dimension], seeds[dimension]);
+            digits[dimension] |= (turned ^ cell[dimension]) & (1 << digit);
+        }
+    }
+    digits
+}
+
+/// The index of point `place` of 2^bits points from `first` on, cell by cell of a grid of 4 x 8.
+pub fn sobol_index(first: u32, place: u32, bits: u32, seeds: [u32; 2]) -> u32 {
+    let inner = bits - CELL_BITS;
+    let digits = (place >> inner).reverse_bits() >> (32 - CELL_BITS);
+    let wanted = unscrambled([digits & 3, digits >> 2], seeds);
+    let index = first + ((place & ((1 << inner) - 1)) << CELL_BITS) + (wanted[0] & 3);
+    let missing = pascal_product(index) ^ wanted[1];
+    let bit3 = missing >> 1 & 1;
+    let bit2 = missing >> 2 & 1 ^ bit3;
+    let bit4 = missing & 1 ^ bit2 ^ bit3;
+    index + (bit2 << 2) + (bit3 << 3) + (bit4 << 4)
+}
+
 /// A pixel has two sequences under seeds of their own, one for each half of its samples.
-pub fn sobol_numbers(inputs: &Inputs, pixel: u32, sample: u32) -> Vec2 {
+pub fn sobol_numbers(inputs: &Inputs, pixel: u32, sample: u32, set: &Range<u32>) -> Vec2 {
     let [x, y, z, w] = pcg4d([pixel, 0, KEY_SOBOL, inputs.frame.seed]);
-    unit_floats(sobol_bits(sample >> 1, if sample & 1 == 0 { [x, y] } else { [z, w] }))
+    let seeds = if sample & 1 == 0 { [x, y] } else { [z, w] };
+    let (samples, first) = (set.end - set.start, set.start >> 1);
+    let mut index = sample >> 1;
+    if samples >= 2 << CELL_BITS && samples.is_power_of_two() && set.start & (samples - 1) == 0 {
+        index = sobol_index(first, index - first, samples.ilog2() - 1, seeds);
+    }
+    unit_floats(sobol_bits(index, seeds))
 }
 
 #[cfg(test)]
@@ -134,6 +170,28 @@ mod tests {
         let mut random = Random::new(54);
         for (first, m) in [(1 << 16, 16), (3 << 20, 12), (1 << 29, 12), ((1 << 30) - (1 << 14), 14)] {
             is_a_net(first, m, [random.bits(), random.bits()]);
+        }
+    }
+
+    /// Each point once, and in the same cell for all seeds.
+    #[test]
+    fn a_net_can_be_taken_cell_by_cell() {
+        let mut random = Random::new(55);
+        for (first, bits) in [(0, 5), (32, 5), (0, 6), (3 << 9, 9), (1 << 20, 12)] {
+            for _ in 0..20 {
+                let seeds = [random.bits(), random.bits()];
+                let mut seen = vec![false; 1 << bits];
+                for place in 0..1u32 << bits {
+                    let index = sobol_index(first, place, bits, seeds);
+                    assert!(!std::mem::replace(&mut seen[(index - first) as usize], true), "{index} twice");
+                    let [x, y] = sobol_bits(index, seeds);
+                    assert_eq!(
+                        (x >> 30) << 3 | y >> 29,
+                        place >> (bits - CELL_BITS),
+                        "{first} {bits} {place}"
+                    );
+                }
+            }
         }
     }
 }

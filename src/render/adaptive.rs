@@ -7,7 +7,7 @@ use super::rounds::MOST_SAMPLES;
 use super::tiles::Tiles;
 use crate::layout::Count;
 
-/// Samples of the pilot.
+/// Samples of a pixel in the pilot; with several camera rays each has four at least.
 pub const PILOT: u32 = 16;
 /// Fewest samples of a camera ray that hits: two of each half.
 const FEWEST: u32 = 4;

@@ -58,7 +58,8 @@ pub fn run_traced(
     let begin = Instant::now();
     let mut stage = Stage::with_uploaded(device, plan, uploaded)?;
     tally.phase("compile kernels", begin);
-    let mut rounds = Rounds::new(plan.job.goal, plan.settings.sampler, plan.job.samples.len() as u32);
+    let mut rounds =
+        Rounds::new(plan.job.goal, plan.settings.sampler, plan.job.samples.len() as u32, plan.job.jitters);
     let in_rounds = plan.job.goal != Goal::Samples || plan.job.adaptive;
     let counts = if in_rounds {
         let shares = if plan.job.adaptive { Some(pilot(&mut stage, &mut tally)?) } else { None };
@@ -76,10 +77,11 @@ pub fn run_traced(
     if stage.image.is_some() {
         tally.phase("read image", begin);
     }
+    let samples = mean_samples(&accumulated).unwrap_or(plan.job.samples.len() as u32);
     Ok(Outcome {
         error: rmse_estimate(plan.tiles, &accumulated),
         accumulated,
-        samples: rounds.last().map_or(plan.job.samples.len() as u32, |round| round.samples),
+        samples,
         rounds: rounds.count().max(1),
         kernels: tally.kernels.into_values().collect(),
         primary_rays: tally.totals.primary_finished,
@@ -152,12 +154,24 @@ fn render_in_rounds(
         let Accumulated::Counts(back) = accumulated else { return Ok(Vec::new()) };
         counts = back;
         // Without a pixel that is covered there is no error.
-        let ErrorEstimate { rmse, uncertainty } =
-            error.unwrap_or(ErrorEstimate { rmse: 0.0, uncertainty: 0.0 });
-        tally.rmse = error.map(|error| error.rmse);
-        rounds.finished(Round { samples: mean, rmse, uncertainty, elapsed: start.elapsed() });
+        let nothing_hit = counts.iter().all(|count| count.traced0 == 0);
+        let error = error.unwrap_or(ErrorEstimate { rmse: 0.0, uncertainty: 0.0, unseen: 0.0 });
+        let ErrorEstimate { rmse, uncertainty, unseen } = error;
+        tally.rmse = Some(rmse);
+        rounds.finished(Round { samples: mean, rmse, uncertainty, unseen, elapsed: start.elapsed() });
+        if nothing_hit {
+            break;
+        }
     }
     Ok(counts)
+}
+
+/// Samples of a camera ray that hit, on the average; `None` if nothing was hit or nothing counted.
+fn mean_samples(accumulated: &Accumulated) -> Option<u32> {
+    let Accumulated::Counts(counts) = accumulated else { return None };
+    let traced = counts.iter().map(|count| u64::from(count.traced0) + u64::from(count.traced1));
+    let (sum, hits) = traced.filter(|&n| n > 0).fold((0, 0u64), |(sum, hits), n| (sum + n, hits + 1));
+    (hits > 0).then(|| (sum as f64 / hits as f64).round() as u32)
 }
 
 fn least(given: &[u32]) -> Option<u32> {
@@ -174,7 +188,7 @@ fn pilot(stage: &mut Stage<'_>, tally: &mut Tally<'_>) -> Result<Shares> {
     let plan = stage.plan;
     stage.reseed(hash(plan.job.seed, PILOT_SEED))?;
     let first = plan.job.samples.start;
-    let samples = first..first + PILOT;
+    let samples = first..first + (PILOT / plan.job.jitters).next_multiple_of(2).max(4);
     let mut counts = Vec::new();
     for (begin, end) in bands(plan, stage.device) {
         let mut band = Band::new(stage, begin, end)?;

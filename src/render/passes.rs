@@ -294,7 +294,8 @@ impl<'a> Recorder<'a> {
             written(arguments),
             Hazard::Buffer(arguments, Access::ShaderWrite, Access::IndirectRead),
         ]);
-        self.buffers.listed.set(Some(*range));
+        // A list of those that lag behind serves nobody else.
+        self.buffers.listed.set(if first && same_for_all { Some(*range) } else { None });
     }
 
     fn dispatch_list(

@@ -70,6 +70,9 @@ pub struct ErrorEstimate {
     pub rmse: f64,
     /// One standard error of the mean square error, as a part of it: how far chance may have led the estimate astray.
     pub uncertainty: f64,
+    /// What the mean square error may be though no ray told of it: of n rays that agree, 3 / n may be otherwise (the rule
+    /// of three, at 95%).
+    pub unseen: f64,
 }
 
 /// Estimates the error from the difference of each camera ray's two halves, over the pixels that are covered wholly;
@@ -78,7 +81,7 @@ pub struct ErrorEstimate {
 /// sampler, and a pixel's camera rays are independent of each other, so their squares add up.
 pub fn rmse_estimate(tiles: Tiles, accumulated: &Accumulated) -> Option<ErrorEstimate> {
     let Accumulated::Counts(counts) = accumulated else { return None };
-    let (mut sum, mut sum_of_squares, mut pixels) = (0.0, 0.0, 0.0);
+    let (mut sum, mut sum_of_squares, mut pixels, mut rays) = (0.0, 0.0, 0.0, 0.0);
     let weight = f64::from(tiles.jitters.max(1)).powi(-2);
     for y in 0..tiles.height {
         for x in 0..tiles.width {
@@ -92,13 +95,18 @@ pub fn rmse_estimate(tiles: Tiles, accumulated: &Accumulated) -> Option<ErrorEst
                 sum += square;
                 sum_of_squares += square * square;
                 pixels += 1.0;
+                rays += rays_of(tiles, counts, x, y)
+                    .map(|c| f64::from(c.traced0) + f64::from(c.traced1))
+                    .sum::<f64>();
             }
         }
     }
     let mean = sum / pixels;
-    let spread = (sum_of_squares / pixels - mean * mean).max(0.0) / pixels;
+    // Squares of normal deviates vary by sqrt(2) of their mean; few pixels may hide that.
+    let spread = (sum_of_squares / pixels - mean * mean).max(2.0 * mean * mean) / pixels;
     let uncertainty = if mean > 0.0 { spread.sqrt() / mean } else { 0.0 };
-    (pixels > 0.0).then(|| ErrorEstimate { rmse: mean.sqrt(), uncertainty })
+    let unseen = 3.0 * pixels / (rays * rays);
+    (pixels > 0.0).then(|| ErrorEstimate { rmse: mean.sqrt(), uncertainty, unseen })
 }
 
 #[cfg(test)]

@@ -322,7 +322,7 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
     }
     if settings.preset.is_original() && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
         return Err(Error::usage(format!(
-            "The original traces {} rays a frame: choose a multiple of it for --spp, not {samples}.",
+            "The original traces {} rays a frame: choose a multiple of it for each camera ray's rays (--spp, over --antialias), not {samples}.",
             layout::FRAME_SAMPLES
         )));
     }

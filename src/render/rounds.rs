@@ -15,7 +15,7 @@ pub enum Goal {
     Time(Duration),
 }
 
-/// Samples of the first round: enough for both halves to tell of the error.
+/// Samples of a pixel in the first round: enough for both halves to tell of the error.
 pub const FIRST_ROUND: u32 = 16;
 /// Most samples of a camera ray: a render whose goal is out of reach ends there.
 pub const MOST_SAMPLES: u32 = 1 << 24;
@@ -34,6 +34,8 @@ pub struct Round {
     /// Estimated error and the part of its square that chance may have added or taken (one standard error).
     pub rmse: f64,
     pub uncertainty: f64,
+    /// Mean square error that no ray may have told of.
+    pub unseen: f64,
     /// Since the render began.
     pub elapsed: Duration,
 }
@@ -41,7 +43,7 @@ pub struct Round {
 impl Round {
     /// The error that is hardly ever exceeded.
     fn upper(&self) -> f64 {
-        self.rmse * (1.0 + CONFIDENCE * self.uncertainty).sqrt()
+        (self.rmse * self.rmse * (1.0 + CONFIDENCE * self.uncertainty) + self.unseen).sqrt()
     }
 }
 
@@ -49,6 +51,7 @@ impl Round {
 #[derive(Clone, Debug)]
 pub struct Rounds {
     goal: Goal,
+    first: u32,
     most: u32,
     /// The error is expected to fall with this power of the number of samples.
     power: f64,
@@ -58,13 +61,14 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    /// At most `most` samples.
-    pub fn new(goal: Goal, sampler: Sampler, most: u32) -> Self {
+    /// At most `most` samples of each of a pixel's `jitters` camera rays.
+    pub fn new(goal: Goal, sampler: Sampler, most: u32, jitters: u32) -> Self {
         let power = match sampler {
             Sampler::Lcg | Sampler::Pcg | Sampler::Philox => 0.5,
             Sampler::Sobol | Sampler::Strata => 0.7,
         };
-        Self { goal, most, power, powers_of_two: sampler == Sampler::Sobol, done: Vec::new() }
+        let first = (FIRST_ROUND / jitters.max(1)).next_multiple_of(2).max(2);
+        Self { goal, first, most, power, powers_of_two: sampler == Sampler::Sobol, done: Vec::new() }
     }
 
     pub fn finished(&mut self, round: Round) {
@@ -84,7 +88,7 @@ impl Rounds {
     /// Samples after the next round; `None` at the end.
     pub fn next(&self) -> Option<u32> {
         let Some(last) = self.done.last() else {
-            return Some(if self.goal == Goal::Samples { self.most } else { FIRST_ROUND.min(self.most) });
+            return Some(if self.goal == Goal::Samples { self.most } else { self.first.min(self.most) });
         };
         let wanted = match self.goal {
             Goal::Samples => None,
@@ -140,7 +144,8 @@ fn affordable(last: &Round, limit: Duration) -> Option<f64> {
     // Half of what would fit, while much is left: the rate so far holds what is done only once.
     let more = left / each;
     let so_far = f64::from(last.samples);
-    (more >= 2.0).then(|| so_far + if more > so_far { more * 0.5 } else { more })
+    let step = if more > so_far { more * 0.5 } else { more };
+    (more >= 2.0).then_some(so_far + step)
 }
 
 #[cfg(test)]
@@ -155,6 +160,7 @@ mod tests {
                 samples,
                 rmse: constant * f64::from(samples).powf(-power),
                 uncertainty: 0.0,
+                unseen: 0.0,
                 elapsed: Duration::from_secs_f64(f64::from(samples) * each),
             });
         }
@@ -163,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_fixed_number_of_samples_is_one_round() {
-        let rounds = all(Rounds::new(Goal::Samples, Sampler::Pcg, 77), 1.0, 0.5, 1.0);
+        let rounds = all(Rounds::new(Goal::Samples, Sampler::Pcg, 77, 1), 1.0, 0.5, 1.0);
         assert_eq!(rounds.iter().map(|round| round.samples).collect::<Vec<_>>(), [77]);
     }
 
@@ -171,7 +177,7 @@ mod tests {
     fn an_error_is_reached_in_few_rounds_and_hardly_overshot() {
         for (sampler, power) in [(Sampler::Pcg, 0.5), (Sampler::Sobol, 0.5), (Sampler::Sobol, 0.8)] {
             for goal in [0.05, 0.01, 0.003] {
-                let rounds = all(Rounds::new(Goal::Rmse(goal), sampler, MOST_SAMPLES), 0.4, power, 1.0);
+                let rounds = all(Rounds::new(Goal::Rmse(goal), sampler, MOST_SAMPLES, 1), 0.4, power, 1.0);
                 let last = rounds[rounds.len() - 1];
                 let needed = (0.4f64 / goal).powf(1.0 / power).max(16.0);
                 assert!(last.rmse <= goal, "{sampler:?} {power} {goal}: {last:?}");
@@ -188,18 +194,18 @@ mod tests {
 
     #[test]
     fn chance_must_not_end_a_render() {
-        let mut rounds = Rounds::new(Goal::Rmse(0.1), Sampler::Pcg, MOST_SAMPLES);
-        let round = Round { samples: 16, rmse: 0.09, uncertainty: 0.5, elapsed: Duration::ZERO };
+        let mut rounds = Rounds::new(Goal::Rmse(0.1), Sampler::Pcg, MOST_SAMPLES, 1);
+        let round = Round { samples: 16, rmse: 0.09, uncertainty: 0.5, unseen: 0.0, elapsed: Duration::ZERO };
         rounds.finished(round);
         assert!(rounds.next().is_some());
-        let mut rounds = Rounds::new(Goal::Rmse(0.1), Sampler::Pcg, MOST_SAMPLES);
+        let mut rounds = Rounds::new(Goal::Rmse(0.1), Sampler::Pcg, MOST_SAMPLES, 1);
         rounds.finished(Round { uncertainty: 0.01, ..round });
         assert_eq!(rounds.next(), None);
     }
 
     #[test]
     fn what_is_out_of_reach_ends_with_the_last_sample() {
-        let rounds = all(Rounds::new(Goal::Rmse(1e-9), Sampler::Pcg, 1000), 0.4, 0.5, 1.0);
+        let rounds = all(Rounds::new(Goal::Rmse(1e-9), Sampler::Pcg, 1000, 1), 0.4, 0.5, 1.0);
         assert_eq!(rounds[rounds.len() - 1].samples, 1000);
     }
 
@@ -207,12 +213,12 @@ mod tests {
     fn time_is_used_up_and_not_exceeded() {
         for each in [0.001, 0.01, 0.09] {
             let limit = Duration::from_secs(10);
-            let rounds = all(Rounds::new(Goal::Time(limit), Sampler::Pcg, MOST_SAMPLES), 0.4, 0.5, each);
+            let rounds = all(Rounds::new(Goal::Time(limit), Sampler::Pcg, MOST_SAMPLES, 1), 0.4, 0.5, each);
             let last = rounds[rounds.len() - 1];
             assert!(last.elapsed <= limit && last.elapsed.as_secs_f64() > 10.0 - 3.0 * each, "{last:?}");
         }
         // The first round is due in any case.
-        let rounds = Rounds::new(Goal::Time(Duration::from_secs(1)), Sampler::Pcg, MOST_SAMPLES);
+        let rounds = Rounds::new(Goal::Time(Duration::from_secs(1)), Sampler::Pcg, MOST_SAMPLES, 1);
         assert_eq!(all(rounds, 0.4, 0.5, 1.0).len(), 1);
     }
 }

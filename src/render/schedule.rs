@@ -212,6 +212,11 @@ impl Scheduler {
                 groups.min(u32::try_from(fit).unwrap_or(u32::MAX)).max(1)
             }
         };
+        // A running mean that stalls must not hear of one part of the directions first: each frame is a set of its own.
+        let set = match self.work.blocks {
+            Blocks::Free => self.work.sample_begin..self.work.sample_end,
+            Blocks::Frames(_) => samples.clone(),
+        };
         let begin = self.next_pixel;
         let end = begin.saturating_add(groups.saturating_mul(WORKGROUP_SIZE)).min(self.work.pixel_end);
         let whole = Range {
@@ -223,8 +228,8 @@ impl Scheduler {
             triangle_end: self.work.triangles,
             pixel_base: self.work.pixel_begin,
             stage: STAGE_BOTH,
-            set_begin: self.work.sample_begin,
-            set_end: self.work.sample_end,
+            set_begin: set.start,
+            set_end: set.end,
             ..Range::default()
         };
         if self.work.triangles <= self.part {

@@ -5,7 +5,7 @@ use crate::lab::bench::drift::Drift;
 use crate::layout::WORKGROUP_SIZE;
 use crate::render::execute;
 use crate::render::picture::{Accumulated, Picture};
-use crate::render::plan::Plan;
+use crate::render::plan::{Job, Plan};
 use crate::render::repeat::Repeated;
 use crate::render::stage::{Stage, Uploads};
 use crate::vk::{Device, DeviceKind};
@@ -57,9 +57,18 @@ pub fn shoot(
     Ok(shot)
 }
 
+/// Samples of a run that is thrown away.
+const WARM_UP: usize = 4;
+
 /// The same by whole renders, for what only those do.
 fn shoot_whole(device: &Device, plan: &Plan<'_>, drift: &Drift<'_>, enough_ms: f64) -> Result<Shot> {
     let mut shot = Shot { times: Vec::new(), light: Vec::new(), overflowed: 0 };
+    // The first run of a kernel may pay for its compilation.
+    let few = Plan {
+        job: Job { samples: 0..plan.job.samples.len().min(WARM_UP) as u32, ..plan.job.clone() },
+        ..plan.clone()
+    };
+    execute::run(device, &few, &mut |_| {})?;
     while wants_more(&shot.times, enough_ms) {
         drift.wake()?;
         let outcome = execute::run(device, plan, &mut |_| {})?;
