@@ -348,6 +348,13 @@ fn a_run_that_was_cut_goes_on_and_keeps_what_it_had() {
     let (third, said) = chart(folder.path(), &arguments);
     assert!(said.contains("9 points are taken over"), "{said}");
     assert_eq!(third["curves"], second["curves"]);
+    // A kept reference that is damaged is made again.
+    let references = std::fs::read_dir(folder.path().join("cache")).unwrap();
+    let references: Vec<_> = references.map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(references.len(), 2);
+    std::fs::write(&references[0], "no picture").unwrap();
+    let (_, said) = chart(folder.path(), &arguments);
+    assert!(said.contains("made again") && said.contains("9 points are taken over"), "{said}");
     // Another question begins anew and says why.
     let (_, said) = chart(folder.path(), &[&arguments[..], &["--seed", "9"]].concat());
     assert!(said.contains("its seed was 0") && !said.contains("taken over"), "{said}");

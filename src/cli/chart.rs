@@ -18,11 +18,12 @@ use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::chart::{Listed, Record};
 use crate::report::chart_resume::Earlier;
 use crate::report::exr_read;
-use crate::report::exr_references::{References, usual_folder};
+use crate::report::exr_references::{References, try_folder, usual_folder};
 use crate::report::manifest::Manifest;
 use crate::vk::{Adapter, DeviceKind};
 
 #[derive(Args)]
+#[command(after_help = labels())]
 pub struct Arguments {
     /// OBJ files, or procedural scenes by name, such as hairball or hairball:100000 (so many triangles) [default: cornell
     /// and maison; with --quick cornell]
@@ -82,6 +83,14 @@ pub struct Arguments {
     device: DeviceArguments,
 }
 
+fn labels() -> String {
+    format!(
+        "Curves:\n  {}\n(8-bit is the original made unbiased but for its running mean in bytes; stack has as many entries as the \
+         tree needs; fixed-seed draws the same four numbers again and again.)",
+        curves::labels().join(", ")
+    )
+}
+
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     match text.parse() {
         Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(seconds),
@@ -109,6 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     });
     check(arguments, &scenes)?;
+    let (place, unkept) = place_of_references(arguments)?;
     let (earlier, note) = Earlier::read(&arguments.output.join("chart.json"));
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
@@ -129,19 +139,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         manifest: Manifest::of_several(&[], adapter, options.seed),
     };
     let mut run = Run::new(record, &arguments.output, &scenes, earlier);
-    note.iter().for_each(|note| run.note(note));
+    note.iter().chain(&unkept).for_each(|note| run.note(note));
     notes_on_references(arguments, &options, given.as_ref()).iter().for_each(|note| run.note(note));
     super::print(&format!("{} ({})\n", run.record.device, run.record.driver))?;
     let chart = Chart::new(&device, &options)?;
     let mut hashes = Vec::new();
     let mut first_error = None;
-    for (place, name) in scenes.iter().enumerate() {
+    for (number, name) in scenes.iter().enumerate() {
         let outcome = subject(name, arguments.seed).and_then(|subject| {
             hashes.push(subject.scene.hash);
             run.record.manifest = Manifest::of_several(&hashes, adapter, options.seed);
             let camera = arguments.camera.camera(&subject.scene, Preset::Auto)?;
-            let mut store = store(arguments, &run.record.manifest, &mut run.record.notes)?;
-            run.scene(name, &picture_name(&scenes, place));
+            let mut store = References::new(place.clone(), run.record.manifest.text());
+            run.scene(name, &picture_name(&scenes, number));
             chart.scene(&subject, camera, given.as_ref(), &mut store, &mut run)?;
             store.note.iter().for_each(|note| run.note(note));
             run.record.clock_spread = chart.drift.spread();
@@ -276,16 +286,19 @@ fn notes_on_references(arguments: &Arguments, options: &Options, given: Option<&
     notes
 }
 
-/// Where references are kept: as asked for, or in the user's cache folder if it can be written.
-fn store(arguments: &Arguments, manifest: &Manifest, notes: &mut Vec<String>) -> Result<References> {
+/// Where references are kept: as asked for, or in the user's cache folder if it can be written; otherwise nowhere, and the
+/// text says why.
+fn place_of_references(arguments: &Arguments) -> Result<(Option<PathBuf>, Option<String>)> {
     if let Some(place) = &arguments.cache {
-        return References::new(Some(place), manifest.text());
+        try_folder(place)?;
+        return Ok((Some(place.clone()), None));
     }
-    let place = usual_folder();
-    References::new(place.as_deref(), manifest.text()).or_else(|error| {
-        let note = format!("References are not kept for later runs: {error}");
-        super::tell(&note);
-        notes.push(note);
-        References::new(None, manifest.text())
-    })
+    let reason = match usual_folder() {
+        Some(place) => match try_folder(&place) {
+            Ok(()) => return Ok((Some(place), None)),
+            Err(error) => error.to_string(),
+        },
+        None => "Neither XDG_CACHE_HOME nor HOME names a folder.".into(),
+    };
+    Ok((None, Some(format!("References are not kept for later runs (--cache DIR keeps them): {reason}"))))
 }

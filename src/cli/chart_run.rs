@@ -115,9 +115,11 @@ impl<'a> Run<'a> {
 
     pub fn finish(mut self, first_error: Option<Error>) -> Result<()> {
         self.quiet();
-        if self.record.curves.own.is_empty() {
-            let nothing = || Error::device("No curve could be measured: see above.");
-            return Err(first_error.unwrap_or_else(nothing));
+        // What was measured of a scene until the device was lost is in chart.json.
+        if let Some(error) = first_error
+            && (self.record.pictures.is_empty() || matches!(error, Error::Device(_)))
+        {
+            return Err(error);
         }
         if let Some(spread) = self.record.clock_spread.filter(|spread| *spread > STEADY) {
             self.note(&format!(

@@ -19,8 +19,6 @@ pub struct References {
     manifest: String,
     /// Something was kept that could not be read.
     pub note: Option<String>,
-    /// Samples that were there, of all references asked for.
-    pub found: u64,
 }
 
 /// The folder that the system has for such things (XDG Base Directory Specification: relative paths are ignored).
@@ -30,14 +28,16 @@ pub fn usual_folder() -> Option<PathBuf> {
     Some(caches.join("cousu").join("references"))
 }
 
+/// Makes the folder, if need be, and finds out whether it can be written.
+pub fn try_folder(place: &Path) -> Result<()> {
+    folder(place)?;
+    Output::claim(&place.join("probe")).map(drop)
+}
+
 impl References {
     /// `manifest`: what is written into each file about its origin.
-    pub fn new(place: Option<&Path>, manifest: String) -> Result<Self> {
-        if let Some(place) = place {
-            folder(place)?;
-            Output::claim(&place.join("probe"))?;
-        }
-        Ok(Self { folder: place.map(Path::to_path_buf), manifest, note: None, found: 0 })
+    pub fn new(folder: Option<PathBuf>, manifest: String) -> Self {
+        Self { folder, manifest, note: None }
     }
 
     fn path(&self, recipe: &Recipe<'_>, whole: bool) -> Option<PathBuf> {
@@ -68,9 +68,7 @@ impl References {
 
 impl Store for References {
     fn load(&mut self, recipe: &Recipe<'_>) -> Option<Sums> {
-        let sums = self.read(recipe, true).or_else(|| self.read(recipe, false))?;
-        self.found += u64::from(sums.samples);
-        Some(sums)
+        self.read(recipe, true).or_else(|| self.read(recipe, false))
     }
 
     fn save(&mut self, recipe: &Recipe<'_>, sums: &Sums) -> Result<()> {
