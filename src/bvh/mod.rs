@@ -17,6 +17,8 @@ pub mod thread;
 pub mod validate;
 pub mod wide;
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 
 use crate::layout::Triangle;
@@ -42,14 +44,30 @@ choices! {
 pub fn build(builder: Builder, triangles: &[Triangle], progress: &(dyn Fn(f64) + Sync)) -> Tree {
     progress(0.0);
     let counter = Progress::new(triangles.len(), progress);
-    let tree = match builder {
+    let work = || match builder {
         Builder::Midpoint => midpoint::build(triangles),
         Builder::Sah => sah::build(triangles, &counter),
         Builder::Ploc => ploc::build(triangles, &counter),
         Builder::Sbvh => sbvh::build(triangles, &counter),
     };
+    // Whoever calls from a pool of threads has chosen it.
+    let outside = rayon::current_thread_index().is_none();
+    let tree = match deep_pool().filter(|_| outside) {
+        Some(pool) => pool.install(work),
+        None => work(),
+    };
     progress(1.0);
     tree
+}
+
+/// Stack of a thread that builds, bytes. While it waits for the other half of a subtree it takes up halves of others, so with
+/// many threads builders nest deeply: 2 MB overflowed with 16 threads and two million triangles.
+const BUILDING_STACK: usize = 256 << 20;
+
+/// Threads with deep stacks; `None` where they cannot be had.
+fn deep_pool() -> Option<&'static rayon::ThreadPool> {
+    static POOL: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+    POOL.get_or_init(|| rayon::ThreadPoolBuilder::new().stack_size(BUILDING_STACK).build().ok()).as_ref()
 }
 
 /// Cost of testing a ray against the box of an inner node, the unit of the surface area heuristic.

@@ -54,13 +54,7 @@ enum Command {
 }
 
 /// Runs the command of the process's arguments; prints what went wrong and returns the exit code.
-/// Stack of a worker thread, bytes. While it waits for the other half of a subtree it takes up halves of others, so with many
-/// threads builders nest deeply: 2 MB overflowed with 16 threads and two million triangles.
-const WORKER_STACK: usize = 256 << 20;
-
 pub fn run() -> u8 {
-    // Where there is a pool already, it stays as it is.
-    let _ = rayon::ThreadPoolBuilder::new().stack_size(WORKER_STACK).build_global();
     match dispatch() {
         Ok(()) => 0,
         Err(error) => {
