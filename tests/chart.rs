@@ -355,9 +355,18 @@ fn a_run_that_was_cut_goes_on_and_keeps_what_it_had() {
     std::fs::write(&references[0], "no picture").unwrap();
     let (_, said) = chart(folder.path(), &arguments);
     assert!(said.contains("made again") && said.contains("9 points are taken over"), "{said}");
+    // Fewer curves, or another question: nothing of what was there is lost.
+    let aside = |number| -> Value {
+        let path = folder.path().join(format!("chart/chart-before-{number}.json"));
+        serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+    };
+    let (_, said) = chart(folder.path(), &[&SMALL[..], &["auto"]].concat());
+    assert!(said.contains("chart-before-1.json"), "{said}");
+    assert_eq!(aside(1)["curves"], third["curves"]);
     // Another question begins anew and says why.
     let (_, said) = chart(folder.path(), &[&arguments[..], &["--seed", "9"]].concat());
     assert!(said.contains("its seed was 0") && !said.contains("taken over"), "{said}");
+    assert_eq!(aside(2)["seed"], 0);
     let (_, said) = chart(folder.path(), &[&arguments[..], &["--seed", "9", "--orbit", "5,5"]].concat());
     assert!(said.contains("its camera was") && !said.contains("taken over"), "{said}");
     std::fs::write(folder.path().join("chart/chart.json"), "{}").unwrap();

@@ -1,10 +1,11 @@
 //! `cousu chart`.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 
-use super::args::{CameraArguments, distance, size};
+use super::args::{CameraArguments, distance, seconds, size};
 use super::bench::subject;
 use super::chart_run::{ENDINGS, Run};
 use super::session::{self, DeviceArguments};
@@ -40,7 +41,7 @@ pub struct Arguments {
     spp: Option<u32>,
     /// GPU time that a curve may take, seconds [default: 10; on a CPU device 60; with --quick 1]
     #[arg(long, value_name = "S", value_parser = seconds)]
-    budget: Option<f64>,
+    budget: Option<Duration>,
     /// Methods, separated by commas; lists are multiplied with each other and stand beside the original made unbiased and
     /// the default choices [default: the curves listed below]
     #[arg(long, value_delimiter = ',', value_name = "METHODS")]
@@ -91,13 +92,6 @@ fn labels() -> String {
     )
 }
 
-fn seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(seconds),
-        _ => Err("give a positive number of seconds, such as 30".to_string()),
-    }
-}
-
 /// Samples of a reference: errors of 0.001 can be read with them.
 const REFERENCE_SPP: u32 = 65_536;
 const QUICK_REFERENCE_SPP: u32 = 8192;
@@ -138,7 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         pictures: Vec::new(),
         manifest: Manifest::of_several(&[], adapter, options.seed),
     };
-    let mut run = Run::new(record, &arguments.output, &scenes, earlier);
+    let mut run = Run::new(record, &arguments.output, &scenes, earlier)?;
     note.iter().chain(&unkept).for_each(|note| run.note(note));
     notes_on_references(arguments, &options, given.as_ref()).iter().for_each(|note| run.note(note));
     super::print(&format!("{} ({})\n", run.record.device, run.record.driver))?;
@@ -196,18 +190,21 @@ fn check(arguments: &Arguments, scenes: &[String]) -> Result<()> {
     results.iter().try_for_each(|path| Output::claim(path).map(drop))
 }
 
-/// What a scene's pictures are called, without ending: after its file, and numbered where that was before.
+/// What a scene's pictures are called, without ending: after its file, and numbered where that is another's name.
 fn picture_name(scenes: &[String], place: usize) -> String {
     let stem = |scene: &String| -> String {
         let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '-' };
         let stem = Path::new(scene).file_stem().map_or(scene.into(), |stem| stem.to_string_lossy());
         stem.chars().map(plain).collect()
     };
-    let own = stem(&scenes[place]);
-    match scenes[..place].iter().filter(|scene| stem(scene) == own).count() {
-        0 => format!("chart-{own}"),
-        before => format!("chart-{own}-{}", before + 1),
+    let mut names: Vec<String> = Vec::new();
+    for scene in &scenes[..=place] {
+        let own = format!("chart-{}", stem(scene));
+        let numbered = (2..).map(|number| format!("{own}-{number}"));
+        let free = std::iter::once(own.clone()).chain(numbered).find(|name| !names.contains(name));
+        names.push(free.unwrap_or(own));
     }
+    names.pop().unwrap_or_default()
 }
 
 fn lists(arguments: &Arguments) -> Lists {
@@ -232,7 +229,7 @@ fn options(arguments: &Arguments, adapter: &Adapter) -> Options {
         (false, true) => 60.0,
         (false, false) => 10.0,
     };
-    let budget_ms = arguments.budget.unwrap_or(budget_s) * 1e3;
+    let budget_ms = arguments.budget.map_or(budget_s, |budget| budget.as_secs_f64()) * 1e3;
     let reference_spp = if arguments.quick { QUICK_REFERENCE_SPP } else { REFERENCE_SPP };
     Options {
         size: arguments.size.unwrap_or(size),

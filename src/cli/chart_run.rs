@@ -30,6 +30,8 @@ pub struct Run<'a> {
     pub record: Record,
     folder: &'a Path,
     earlier: Earlier,
+    /// The earlier record is safe in a file of its own.
+    set_aside: bool,
     /// Points taken over from it.
     taken: usize,
     scene: String,
@@ -42,11 +44,12 @@ pub struct Run<'a> {
 
 impl<'a> Run<'a> {
     /// `scenes`: all that will be measured.
-    pub fn new(record: Record, folder: &'a Path, scenes: &[String], earlier: Earlier) -> Self {
+    pub fn new(record: Record, folder: &'a Path, scenes: &[String], earlier: Earlier) -> Result<Self> {
         let mut run = Self {
             record,
             folder,
             earlier: Earlier::default(),
+            set_aside: false,
             taken: 0,
             scene: String::new(),
             picture: String::new(),
@@ -55,17 +58,38 @@ impl<'a> Run<'a> {
         };
         match earlier.differs(&run.record) {
             Some(difference) => {
-                run.note(&format!("chart.json answers another question ({difference}), {ANEW}."))
+                run.note(&format!("chart.json answers another question ({difference}), {ANEW}."));
+                run.set_aside()?;
             }
             None => {
                 for name in earlier.scenes().iter().filter(|name| !scenes.contains(name)) {
                     run.note(&format!("chart.json has {name} too, which this run does not measure, {ANEW}."));
+                    run.set_aside()?;
                 }
                 earlier.keep_in(&mut run.record, scenes);
                 run.earlier = earlier;
             }
         }
-        run
+        Ok(run)
+    }
+
+    /// Copies chart.json, of which not everything will be kept, to a free name beside it; once a run.
+    fn set_aside(&mut self) -> Result<()> {
+        let from = self.folder.join("chart.json");
+        if std::mem::replace(&mut self.set_aside, true) || !from.exists() {
+            return Ok(());
+        }
+        let mut names = (1..).map(|number| format!("chart-before-{number}.json"));
+        let Some(name) = names.find(|name| !self.folder.join(name).exists()) else { return Ok(()) };
+        let content = std::fs::read(&from).map_err(|error| {
+            Error::other(format!(
+                "{} could not be read ({error}): choose another folder for -o.",
+                from.display()
+            ))
+        })?;
+        Output::claim(&self.folder.join(&name))?.write(|out| out.write_all(&content))?;
+        self.note(&format!("What chart.json had is in {name}."));
+        Ok(())
     }
 
     /// The next scene, and what its pictures are called, without ending.
@@ -165,6 +189,7 @@ impl Watch for Run<'_> {
                 "{}: chart.json answers another question ({difference}), {ANEW}.",
                 facts.scene
             ));
+            self.set_aside()?;
             self.earlier.forget(&facts.scene);
         }
         self.record.begin_scene(facts);
@@ -186,6 +211,10 @@ impl Watch for Run<'_> {
             let taken = std::mem::take(&mut self.taken);
             self.quiet();
             super::tell(&format!("{}: {taken} points are taken over from chart.json.", self.scene));
+        }
+        let choices: Vec<&Choices> = curves.iter().map(|curve| &curve.choices).collect();
+        if self.earlier.has_others(&self.scene, &choices) {
+            self.set_aside()?;
         }
         let scene = self.scene.clone();
         self.record.set_scene(&scene, curves, times);

@@ -66,6 +66,14 @@ impl Earlier {
         record.time_to_rmse.kept = of("time_to_rmse");
     }
 
+    /// Whether it has curves of this scene that are not among these.
+    pub fn has_others(&self, scene: &str, choices: &[&Choices]) -> bool {
+        let now: Vec<Value> =
+            choices.iter().filter_map(|choices| serde_json::to_value(choices).ok()).collect();
+        let curves = self.saved.as_ref().and_then(|saved| saved["curves"].as_array());
+        curves.into_iter().flatten().any(|curve| curve["scene"] == scene && !now.contains(&curve["choices"]))
+    }
+
     /// Leaves out a scene of which it asked something else.
     pub fn forget(&mut self, scene: &str) {
         if let Some(curves) = self.saved.as_mut().and_then(|saved| saved["curves"].as_array_mut()) {

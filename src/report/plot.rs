@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    #[allow(clippy::redundant_closure)] // Each canvas has a lifetime of its own.
+    #[expect(clippy::redundant_closure, reason = "each canvas has a lifetime of its own")]
     fn pixels_and_svg_show_text_and_markers() {
         fn draw<B: DrawingBackend>(canvas: &Canvas<B>) -> io::Result<()> {
             canvas.text("RMSE", (30.0, 10.0), 12.0, BLACK, Anchor::Middle)?;
