@@ -440,7 +440,7 @@ fn bad_references_and_arguments_are_refused_with_a_sentence() {
         (&["cornell", "maison", "--reference", &exr], 2, "one scene"),
         (&["cornell", "--size", "8x8", "--reference", &exr, "--reference", &exr], 2, "the same picture"),
         (&["cornell", "--only", "magic"], 2, "original-unbiased"),
-        (&["cornell", "--budget", "0"], 2, "positive number"),
+        (&["cornell", "--budget", "0"], 2, "a time in seconds"),
         (&["cornell", "--spp", "3"], 2, "--spp"),
         (&["cornell", "--methods", "magic"], 2, "stackN"),
         (&["cornell", "--eye", "0,50,0", "--target", "0,90,0", "--up", "1,0,0"], 3, "covered fully"),
