@@ -83,6 +83,15 @@ records! {
         ac: vec3,
         pad1: uint,
     }
+    /// A triangle for the watertight intersector: its corners, scene units, and as for [`Triangle`] its place in the file.
+    Corners {
+        a: vec3,
+        id: uint,
+        b: vec3,
+        pad0: uint,
+        c: vec3,
+        pad1: uint,
+    }
     /// A node of a binary tree in post-order (root last). A leaf stores `-1 - first` in `left` and
     /// `-1 - last` in `right`, both in the order of the triangle array.
     Node {
@@ -179,7 +188,8 @@ records! {
         jitters: uint,
         /// Pixel numbers of the picture, those beyond its edges included.
         pixels: uint,
-        pad0: uint,
+        /// Largest coordinate of the scene.
+        largest: float,
     }
     /// The work of one dispatch (push constants): pixels x samples x triangles.
     Range {
@@ -341,6 +351,8 @@ constants! {
     SPEC_BUDGETS = 10;
     /// A pixel whose camera ray hits nothing is passed over from then on (`MISSED`).
     SPEC_MARKS_MISSES = 11;
+    /// Triangles are kept by their corners and met by the watertight intersector.
+    SPEC_WATERTIGHT = 12;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

@@ -31,11 +31,12 @@ impl Numbers {
             traversal: Traversal::Brute,
             original: false,
             robust_slabs: true,
+            watertight: false,
             sampler: self.sampler,
             facing: true,
             ulp_offset: false,
         };
-        let inputs = Inputs { frame: &self.frame, triangles: NONE, tree: &self.tree, choices };
+        let inputs = Inputs { frame: &self.frame, triangles: NONE, corners: &[], tree: &self.tree, choices };
         let u: Vec2 = sample_numbers(&inputs, pixel, sample, set, &mut 0);
         u.as_dvec2()
     }

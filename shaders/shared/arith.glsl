@@ -2,6 +2,9 @@
 // be contracted, in a written order, and nothing whose precision the API leaves to the driver
 // (division, square root, sine). Twin: src/reference/arith.rs.
 
+// Smallest determinant taken for a triangle that a ray can meet, 2^-120: below it `reciprocal` overflows.
+#define SMALLEST_DETERMINANT 7.52316384526264e-37
+
 float dot3(vec3 a, vec3 b) {
     precise float sum = a.x * b.x + a.y * b.y + a.z * b.z;
     return sum;

@@ -2,17 +2,11 @@
 
 #include "work.glsl"
 
-// Smallest determinant taken for a triangle that the ray can meet: below it 1/det overflows.
-#define SMALLEST_DETERMINANT 7.52316384526264e-37
-
-// Moeller and Trumbore (1997), compared before the division. The ray must also cross the triangle's own
-// box as the robust slab test sees it, and the hit's distance is brought into that box: then every tree of boxes
-// finds the same hits at the same distances, exactly. (Brought in, not compared: a flat box is thinner
-// than the error of t.) Distance: in units of the direction.
-bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out vec3 tuv) {
-    tuv = vec3(0.0);
+// Moeller and Trumbore (1997): distance in units of the direction and barycentric coordinates of the second and third
+// corner, before the division by `det`.
+bool meets_moller(Ray ray, Triangle triangle, out float det, out vec3 tuv) {
     vec3 p = cross3(ray.direction, triangle.ac);
-    float det = dot3(triangle.ab, p);
+    det = dot3(triangle.ab, p);
     float side = det < 0.0 ? -1.0 : 1.0;
     precise vec3 s = ray.origin - triangle.a;
     vec3 q = cross3(s, triangle.ab);
@@ -21,17 +15,20 @@ bool intersect_guarded(Ray ray, Slabs slabs, Triangle triangle, float t_max, out
     float v = side * dot3(ray.direction, q);
     float t = side * dot3(triangle.ac, q);
     precise float u_plus_v = u + v;
-    if (!(det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0)) {
-        return false;
-    }
-    precise vec3 b = triangle.a + triangle.ab;
-    precise vec3 c = triangle.a + triangle.ac;
-    precise vec3 pmin = min(triangle.a, min(b, c)) - frame.box_pad;
-    precise vec3 pmax = max(triangle.a, max(b, c)) + frame.box_pad;
-    if (!ROBUST_SLABS) slabs = robust_slabs_of(ray);
+    tuv = vec3(t, u, v);
+    return det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
+}
+
+// The ray must also cross the triangle's own box as the robust slab test sees it, and the hit's distance is brought into
+// that box: then every tree of boxes finds the same hits at the same distances, exactly. (Brought in, not compared: a flat
+// box is thinner than the error of t.)
+bool guarded(Ray ray, Slabs slabs, Corners corners, float det, float t_max, inout vec3 tuv) {
+    precise vec3 pmin = min(corners.a, min(corners.b, corners.c)) - frame.box_pad;
+    precise vec3 pmax = max(corners.a, max(corners.b, corners.c)) + frame.box_pad;
+    if (!ROBUST_SLABS) slabs.inverse = robust_inverse(ray.direction);
     vec2 interval = slab_interval(slabs, pmin, pmax, true);
     precise float scale = reciprocal(det);
-    precise vec3 scaled = vec3(t, u, v) * scale;
+    precise vec3 scaled = tuv * scale;
     tuv = vec3(min(max(scaled.x, interval.x), interval.y), scaled.y, scaled.z);
     return max(interval.x, 0.0) <= interval.y && tuv.x <= t_max;
 }
@@ -54,27 +51,40 @@ bool intersect_original(Ray ray, Triangle triangle, float t_max, out vec3 tuv) {
     return true;
 }
 
-bool intersect(Ray ray, Slabs slabs, Triangle triangle, float t_max, out vec3 tuv) {
+// A triangle of the array: its id, and (t, u, v) where the ray meets it at t_max or before.
+bool intersect(Ray ray, Slabs slabs, int index, float t_max, out uint id, out vec3 tuv) {
+    float det;
+    if (WATERTIGHT) {
+        Corners corners = load_corners(index);
+        id = corners.id;
+        return meets_watertight(ray.origin, slabs.shear, corners, det, tuv) &&
+               guarded(ray, slabs, corners, det, t_max, tuv);
+    }
+    Triangle triangle = load_edges(index);
+    id = triangle.id;
     if (ORIGINAL) return intersect_original(ray, triangle, t_max, tuv);
-    return intersect_guarded(ray, slabs, triangle, t_max, tuv);
+    if (!meets_moller(ray, triangle, det, tuv)) return false;
+    precise vec3 b = triangle.a + triangle.ab;
+    precise vec3 c = triangle.a + triangle.ac;
+    return guarded(ray, slabs, Corners(triangle.a, id, b, 0u, c, 0u), det, t_max, tuv);
 }
 
 // Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter
 // (the original kept the last).
 void closest_of_triangle(Ray ray, Slabs slabs, int index, inout Hit hit) {
     COUNT_TEST();
-    Triangle triangle = load_triangle(index);
+    uint id;
     vec3 tuv;
-    if (intersect(ray, slabs, triangle, hit.t, tuv) &&
-        (ORIGINAL || tuv.x < hit.t || triangle.id < hit.id)) {
-        hit = Hit(tuv.x, tuv.y, tuv.z, uint(index), triangle.id);
+    if (intersect(ray, slabs, index, hit.t, id, tuv) && (ORIGINAL || tuv.x < hit.t || id < hit.id)) {
+        hit = Hit(tuv.x, tuv.y, tuv.z, uint(index), id);
     }
 }
 
 bool any_of_triangle(Ray ray, Slabs slabs, int index) {
     COUNT_TEST();
+    uint id;
     vec3 tuv;
-    return intersect(ray, slabs, load_triangle(index), ray.t_max, tuv);
+    return intersect(ray, slabs, index, ray.t_max, id, tuv);
 }
 
 // How far a box may lie to be worth opening: the original asked every box over its fixed range.

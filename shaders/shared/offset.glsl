@@ -8,9 +8,9 @@
 #define OFFSET_ULPS 256.0
 
 vec3 moved_off(vec3 point, vec3 normal) {
-    // The pad of boxes is 2^-21 L.
-    float near = 1048576.0 * frame.box_pad;
-    float fixed_length = 32.0 * frame.box_pad;
+    float near = 0.5 * frame.largest;
+    // 2^-16
+    float fixed_length = 1.52587890625e-5 * frame.largest;
     ivec3 steps = ivec3(OFFSET_ULPS * normal);
     precise vec3 by_length = point + fixed_length * normal;
     // Bits of floats count away from zero. (OpenGL 4.3 has no choice between vectors of integers.)

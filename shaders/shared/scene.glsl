@@ -18,6 +18,8 @@ CONSTANT(SPEC_JITTERED, bool, JITTERED, false);
 CONSTANT(SPEC_ULP_OFFSET, bool, ULP_OFFSET, false);
 CONSTANT(SPEC_BUDGETS, bool, BUDGETS, false);
 CONSTANT(SPEC_MARKS_MISSES, bool, MARKS_MISSES, true);
+// Triangles are kept by their corners.
+CONSTANT(SPEC_WATERTIGHT, bool, WATERTIGHT, false);
 
 #ifdef ACCESSOR_UNIFORM
 UNIFORM_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[3u * UNIFORM_TRIANGLES]; };
@@ -43,4 +45,13 @@ WideNode load_wide(int i) { LOAD_WideNode(NODE_WORD, uint(i)) }
 // The reference in one of its slots.
 int load_wide_child(int i, uint slot) { return int(NODE_WORD(uint(i) * WIDE_WORDS + WIDE_CHILD_WORD + slot / 4u)[slot % 4u]); }
 #endif
-Triangle load_triangle(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }
+Corners load_corners(int i) { LOAD_Corners(TRIANGLE_WORD, uint(i)) }
+Triangle load_edges(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }
+// By its edges, whichever way it is kept.
+Triangle load_triangle(int i) {
+    if (!WATERTIGHT) return load_edges(i);
+    Corners corners = load_corners(i);
+    precise vec3 ab = corners.b - corners.a;
+    precise vec3 ac = corners.c - corners.a;
+    return Triangle(corners.a, corners.id, ab, 0u, ac, 0u);
+}

@@ -1,9 +1,13 @@
 // Ray against axis-aligned box. Twin: src/reference/slabs.rs.
 
-// What the slab test needs of a ray, once a ray.
+#include "watertight.glsl"
+
+// What the tests against boxes and triangles need of a ray, once a ray.
 struct Slabs {
     vec3 origin;
     vec3 inverse;
+    // For the watertight intersector.
+    Shear shear;
 };
 
 // Smallest direction component that robust slabs divide by, 2^-100. A zero would make 0 * inf = NaN
@@ -21,14 +25,14 @@ float inverse_component(float d) {
     return d < 0.0 ? -inverse : inverse;
 }
 
-Slabs robust_slabs_of(Ray ray) {
-    vec3 d = ray.direction;
-    return Slabs(ray.origin, vec3(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z)));
+vec3 robust_inverse(vec3 d) {
+    return vec3(inverse_component(d.x), inverse_component(d.y), inverse_component(d.z));
 }
 
 Slabs slabs_of(Ray ray) {
-    if (ROBUST_SLABS) return robust_slabs_of(ray);
-    return Slabs(ray.origin, 1.0 / ray.direction);
+    Shear shear = Shear(0u, vec3(0.0));
+    if (WATERTIGHT) shear = shear_of(ray.direction);
+    return Slabs(ray.origin, ROBUST_SLABS ? robust_inverse(ray.direction) : 1.0 / ray.direction, shear);
 }
 
 // Where the ray enters the box and leaves it. Every operation is monotonic in the bounds, so a box

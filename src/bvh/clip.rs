@@ -146,7 +146,7 @@ fn rectangle(a: DVec3, normal: DVec3, across: usize, low: DVec3, high: DVec3) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::intersect::intersect_guarded;
+    use crate::reference::intersect::intersect_moller;
     use crate::reference::slabs::{meets_box, slabs_of};
     use crate::reference::testing::{Random, aimed_ray, grazing_ray, triangle};
 
@@ -240,7 +240,7 @@ mod tests {
                 let ray =
                     if i % 2 == 0 { grazing_ray(&mut random, &one) } else { aimed_ray(&mut random, &one) };
                 let slabs = slabs_of(&ray, true);
-                let Some([t, ..]) = intersect_guarded(&ray, &slabs, &one, pad, ray.t_max) else { continue };
+                let Some([t, ..]) = intersect_moller(&ray, &slabs, &one, pad, ray.t_max) else { continue };
                 hits += 1;
                 let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
                 assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}");

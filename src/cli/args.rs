@@ -7,7 +7,9 @@ use glam::DVec3;
 
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
+use crate::render::choices::{
+    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes,
+};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, DEFAULT_FOV};
 
@@ -37,6 +39,9 @@ pub struct ChoiceArguments {
     /// How an ambient ray leaves its surface
     #[arg(long, value_enum)]
     pub offset: Option<Offset>,
+    /// The test of a ray against a triangle
+    #[arg(long, value_enum)]
+    pub intersector: Option<Intersector>,
     /// The test of a ray against a box
     #[arg(long, value_enum)]
     pub slabs: Option<Slabs>,
@@ -55,6 +60,7 @@ impl ChoiceArguments {
             sampler: self.sampler,
             accumulator: self.accumulator,
             offset: self.offset,
+            intersector: self.intersector,
             slabs: self.slabs,
         }
     }

@@ -29,7 +29,8 @@ mod tests;
 use bounded::{Bounded, E, SPARE, TINY, cross, dot, largest};
 
 use super::Inputs;
-use super::intersect::{SMALLEST_DETERMINANT, padded_box};
+use super::arith::SMALLEST_DETERMINANT;
+use super::intersect::padded_box_of;
 use super::slabs::at_least_smallest;
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
 
@@ -170,7 +171,7 @@ fn within_reach(ray: &RayRecord, triangle: &Triangle, rules: &Rules, meeting: Me
 /// Where the ray enters and leaves the triangle's box; nowhere (infinity, -infinity) if plain slabs may
 /// meet 0 x infinity.
 fn own_box(ray: &RayRecord, triangle: &Triangle, rules: &Rules) -> (f64, f64) {
-    let (pmin, pmax) = padded_box(triangle, rules.box_pad);
+    let (pmin, pmax) = padded_box_of(triangle, rules.box_pad);
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
         let d = ray.direction[axis];

@@ -3,32 +3,30 @@
 use glam::Vec3;
 
 use super::Inputs;
-use super::arith::{cross3, dot3, max3, min3, reciprocal};
+use super::arith::{SMALLEST_DETERMINANT, cross3, dot3, max3, min3, reciprocal};
 use super::ray::{Hit, Ray};
 use super::slabs::{Slabs, slab_interval, slabs_of};
-use crate::layout::Triangle;
+use super::watertight::meets_watertight;
+use crate::layout::{Corners, Triangle};
 
-/// Smallest determinant taken for a triangle that the ray can meet, 2^-120: below it 1/det overflows.
-pub const SMALLEST_DETERMINANT: f32 = 7.523_164e-37;
-
-/// The box of a triangle as the slab test sees it: of the corners as they round, grown by box_pad.
-pub fn padded_box(triangle: &Triangle, box_pad: f32) -> (Vec3, Vec3) {
-    let a = Vec3::from(triangle.a);
-    let b = a + Vec3::from(triangle.ab);
-    let c = a + Vec3::from(triangle.ac);
+/// The box of a triangle as the slab test sees it, grown by box_pad.
+fn padded_box(corners: [Vec3; 3], box_pad: f32) -> (Vec3, Vec3) {
+    let [a, b, c] = corners;
     (min3(a, min3(b, c)) - box_pad, max3(a, max3(b, c)) + box_pad)
 }
 
-/// Möller and Trumbore (1997), compared before the division; (t, u, v) of a hit. The ray must also cross
-/// the triangle's own box as the robust slab test sees it, and the hit's distance is brought into that box: then
-/// every tree of boxes finds the same hits at the same distances, exactly.
-pub fn intersect_guarded(
-    ray: &Ray,
-    slabs: &Slabs,
-    triangle: &Triangle,
-    box_pad: f32,
-    t_max: f32,
-) -> Option<[f32; 3]> {
+/// The box of a triangle that is kept by its edges: of the corners as they round.
+pub fn padded_box_of(triangle: &Triangle, box_pad: f32) -> (Vec3, Vec3) {
+    padded_box(corners_of(triangle), box_pad)
+}
+
+fn corners_of(triangle: &Triangle) -> [Vec3; 3] {
+    let a = Vec3::from(triangle.a);
+    [a, a + Vec3::from(triangle.ab), a + Vec3::from(triangle.ac)]
+}
+
+/// Möller and Trumbore (1997): [det, t det, u det, v det] of a hit.
+fn meets_moller(ray: &Ray, triangle: &Triangle) -> Option<[f32; 4]> {
     let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
     let p = cross3(ray.direction, ac);
     let det = dot3(ab, p);
@@ -41,15 +39,47 @@ pub fn intersect_guarded(
     let t = side * dot3(ac, q);
     let u_plus_v = u + v;
     let meets = det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
-    if !meets {
-        return None;
-    }
-    let (pmin, pmax) = padded_box(triangle, box_pad);
+    meets.then_some([det, t, u, v])
+}
+
+/// The ray must also cross the triangle's own box as the robust slab test sees it, and the hit's distance is brought into
+/// that box: then every tree of boxes finds the same hits at the same distances, exactly.
+fn guarded(
+    ray: &Ray,
+    slabs: &Slabs,
+    (pmin, pmax): (Vec3, Vec3),
+    [det, t, u, v]: [f32; 4],
+    t_max: f32,
+) -> Option<[f32; 3]> {
     let own = if slabs.robust { *slabs } else { slabs_of(ray, true) };
     let [enter, leave] = slab_interval(&own, pmin, pmax);
     let scale = reciprocal(det);
     let t = (t * scale).max(enter).min(leave);
     (enter.max(0.0) <= leave && t <= t_max).then_some([t, u * scale, v * scale])
+}
+
+/// (t, u, v) of a hit with the intersector of Möller and Trumbore.
+pub fn intersect_moller(
+    ray: &Ray,
+    slabs: &Slabs,
+    triangle: &Triangle,
+    box_pad: f32,
+    t_max: f32,
+) -> Option<[f32; 3]> {
+    guarded(ray, slabs, padded_box_of(triangle, box_pad), meets_moller(ray, triangle)?, t_max)
+}
+
+/// (t, u, v) of a hit with the watertight intersector.
+pub fn intersect_watertight(
+    ray: &Ray,
+    slabs: &Slabs,
+    corners: &Corners,
+    box_pad: f32,
+    t_max: f32,
+) -> Option<[f32; 3]> {
+    let numerators = meets_watertight(ray, corners)?;
+    let corners = [corners.a, corners.b, corners.c].map(Vec3::from);
+    guarded(ray, slabs, padded_box(corners, box_pad), numerators, t_max)
 }
 
 /// The original's form: the division is not guarded, so a zero determinant gives NaN, which no comparison
@@ -76,33 +106,32 @@ pub fn intersect_original(ray: &Ray, triangle: &Triangle, t_max: f32) -> Option<
     Some([t, u, v])
 }
 
-pub fn intersect(
-    inputs: &Inputs,
-    ray: &Ray,
-    slabs: &Slabs,
-    triangle: &Triangle,
-    t_max: f32,
-) -> Option<[f32; 3]> {
-    if inputs.choices.original {
+pub fn intersect(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32, t_max: f32) -> Option<[f32; 3]> {
+    let (choices, pad) = (&inputs.choices, inputs.frame.box_pad);
+    if choices.watertight {
+        return intersect_watertight(ray, slabs, &inputs.corners[index as usize], pad, t_max);
+    }
+    let triangle = inputs.load_triangle(index);
+    if choices.original {
         intersect_original(ray, triangle, t_max)
     } else {
-        intersect_guarded(ray, slabs, triangle, inputs.frame.box_pad, t_max)
+        intersect_moller(ray, slabs, triangle, pad, t_max)
     }
 }
 
 /// Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter (the
 /// original kept the last).
 pub fn closest_of_triangle(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32, hit: &mut Hit) {
-    let triangle = inputs.load_triangle(index);
-    if let Some([t, u, v]) = intersect(inputs, ray, slabs, triangle, hit.t)
-        && (inputs.choices.original || t < hit.t || triangle.id < hit.id)
+    let id = inputs.load_triangle(index).id;
+    if let Some([t, u, v]) = intersect(inputs, ray, slabs, index, hit.t)
+        && (inputs.choices.original || t < hit.t || id < hit.id)
     {
-        *hit = Hit { t, u, v, index, id: triangle.id };
+        *hit = Hit { t, u, v, index, id };
     }
 }
 
 pub fn any_of_triangle(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32) -> bool {
-    intersect(inputs, ray, slabs, inputs.load_triangle(index), ray.t_max).is_some()
+    intersect(inputs, ray, slabs, index, ray.t_max).is_some()
 }
 
 /// How far a box may lie to be worth opening: the original asked every box over its fixed range.
@@ -119,7 +148,7 @@ mod tests {
     use crate::reference::testing::{KINDS, Random, aimed_ray, triangle, triangles_of};
 
     fn guarded(ray: &Ray, triangle: &Triangle, pad: f32) -> Option<[f32; 3]> {
-        intersect_guarded(ray, &slabs_of(ray, true), triangle, pad, ray.t_max)
+        intersect_moller(ray, &slabs_of(ray, true), triangle, pad, ray.t_max)
     }
 
     #[test]

@@ -18,6 +18,7 @@ pub mod sobol;
 pub mod strata;
 pub mod surface;
 pub mod traverse;
+pub mod watertight;
 
 #[cfg(test)]
 pub(crate) mod testing;
@@ -30,7 +31,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{
-    Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, SAMPLER_LCG, ThreadedNode, Triangle, WideNode,
+    Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, SAMPLER_LCG, ThreadedNode, Triangle,
+    WideNode,
 };
 use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};
@@ -60,6 +62,8 @@ pub struct Choices {
     /// The original's intersector, ties, box ranges, unturned normals and wasted rays.
     pub original: bool,
     pub robust_slabs: bool,
+    /// Triangles are met by their corners, watertight.
+    pub watertight: bool,
     /// One of the `SAMPLER_` constants of `layout`.
     pub sampler: u32,
     /// Normals face the camera.
@@ -74,6 +78,8 @@ pub struct Inputs<'a> {
     pub frame: &'a Frame,
     /// In the order of the tree's leaves.
     pub triangles: &'a [Triangle],
+    /// The same triangles by their corners, where the intersector is watertight; may be empty otherwise.
+    pub corners: &'a [Corners],
     /// The tree in every layout; [`Traversal::Brute`] leaves it alone.
     pub tree: &'a NodeArrays,
     pub choices: Choices,

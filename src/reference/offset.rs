@@ -27,8 +27,8 @@ use super::Inputs;
 const OFFSET_ULPS: f32 = 256.0;
 
 pub fn moved_off(inputs: &Inputs, point: Vec3, normal: Vec3) -> Vec3 {
-    let near = 1_048_576.0 * inputs.frame.box_pad;
-    let fixed_length = 32.0 * inputs.frame.box_pad;
+    let near = 0.5 * inputs.frame.largest;
+    let fixed_length = 2f32.powi(-16) * inputs.frame.largest;
     let moved = |point: f32, normal: f32| {
         if point.abs() < near {
             return point + fixed_length * normal;
@@ -101,7 +101,7 @@ mod tests {
                 let Plane { scene, normal, point } = plane(&mut random, parts, ratio);
                 let mut inputs = scene.by(Traversal::Brute);
                 inputs.choices.ulp_offset = true;
-                let largest = f64::from(scene.frame.box_pad) * 2f64.powi(21);
+                let largest = f64::from(scene.frame.largest);
                 for _ in 0..8 {
                     let target = &scene.triangles[random.below(scene.triangles.len() as u32) as usize];
                     let ray = Ray { t_max: f32::MAX, ..aimed_ray(&mut random, target) };
@@ -159,7 +159,7 @@ mod tests {
     fn components_move_by_ulps_or_by_a_length() {
         let mut scene =
             Scene::of(vec![crate::reference::testing::triangle(0, Vec3::ONE, -Vec3::X, -Vec3::Y)]);
-        scene.frame.box_pad = 2f32.powi(-21);
+        scene.frame.largest = 1.0;
         let moved = |x: f32, n: f32| moved_off(&scene.inputs(), Vec3::X * x, Vec3::X * n).x;
         for sign in [1.0, -1.0] {
             assert_eq!(moved(sign * 0.75, sign), sign * (0.75 + 2f32.powi(-16)));

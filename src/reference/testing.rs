@@ -224,6 +224,7 @@ impl Scene {
             node_count: tree.nodes.len() as u32,
             triangle_count: tree.order.len() as u32,
             box_pad,
+            largest: box_pad * 2f32.powi(21),
             ambient_t_max: f32::MAX,
             camera_t_max: f32::MAX,
             seed: 1,
@@ -256,6 +257,7 @@ impl Scene {
         Choices {
             traversal,
             original,
+            watertight: false,
             robust_slabs: !original,
             sampler: SAMPLER_PCG,
             facing: !original,
@@ -267,6 +269,7 @@ impl Scene {
         Inputs {
             frame: &self.frame,
             triangles: &self.triangles,
+            corners: &[],
             tree: &self.tree,
             choices: self.choices(false),
         }

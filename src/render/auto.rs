@@ -1,7 +1,9 @@
 //! Which choices a preset makes, and why. The device chooses only what keeps the counts (method,
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
-use super::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
+use super::choices::{
+    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
+};
 use super::geometry::Geometry;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
@@ -90,6 +92,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 sampler: wishes.sampler.unwrap_or(Sampler::Lcg),
                 accumulator: wishes.accumulator.unwrap_or(accumulator),
                 offset: wishes.offset.unwrap_or(offset),
+                intersector: wishes.intersector.unwrap_or(Intersector::Moller),
                 slabs: wishes.slabs.unwrap_or(Slabs::Plain),
             }
         }
@@ -128,6 +131,8 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "as many for each pixel",
                 "--adaptive pays where large parts of the picture are open",
             );
+            let (intersector, why) = choose_intersector(geometry);
+            choose("intersector", wishes.intersector.map(Intersector::name), intersector.name(), why);
             choose("slabs", wishes.slabs.map(Slabs::name), "robust", "no box that a ray meets is missed");
             Settings {
                 preset,
@@ -137,6 +142,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 sampler: wishes.sampler.unwrap_or(Sampler::Sobol),
                 accumulator: wishes.accumulator.unwrap_or(Accumulator::Count),
                 offset: wishes.offset.unwrap_or(Offset::Ulp),
+                intersector: wishes.intersector.unwrap_or(intersector),
                 slabs: wishes.slabs.unwrap_or(Slabs::Robust),
             }
         }
@@ -150,7 +156,6 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
         _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
     };
     note("builder", settings.builder.name().into(), why);
-    note("intersector", "moller".into(), "the one there is");
     Decision { settings, accessor, reasons }
 }
 
@@ -178,6 +183,11 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
             "a GPU is fastest with two-child nodes, near child first, while few leaves are met".into(),
         )
     }
+}
+
+/// Both see the same triangles but for rays within a rounding of an edge.
+fn choose_intersector(_geometry: &Geometry) -> (Intersector, &'static str) {
+    (Intersector::Moller, "the cheaper one")
 }
 
 /// Camera rays' hits are found again with each dispatch of a single pass; a second kernel costs little where dispatches

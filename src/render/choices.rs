@@ -57,6 +57,13 @@ choices! {
         /// A kernel a step: camera rays, closest hit, ambient rays, any hit, accumulation.
         Staged = "staged",
     }
+    /// The test of a ray against a triangle.
+    Intersector {
+        /// Möller and Trumbore 1997, the original's.
+        Moller = "moller",
+        /// Woop, Benthin and Wald 2013: no ray passes between neighbours.
+        Watertight = "watertight",
+    }
     /// The test of a ray against a box.
     Slabs {
         Plain = "plain",
@@ -163,6 +170,7 @@ pub struct Settings {
     pub sampler: Sampler,
     pub accumulator: Accumulator,
     pub offset: Offset,
+    pub intersector: Intersector,
     pub slabs: Slabs,
 }
 
@@ -176,6 +184,7 @@ pub struct Wishes {
     pub sampler: Option<Sampler>,
     pub accumulator: Option<Accumulator>,
     pub offset: Option<Offset>,
+    pub intersector: Option<Intersector>,
     pub slabs: Option<Slabs>,
 }
 

@@ -7,12 +7,14 @@ use crate::bvh::quality::Quality;
 use crate::bvh::wide::WideTree;
 use crate::bvh::{self, Builder, Tree};
 use crate::error::{Error, Result};
-use crate::layout::Triangle;
+use rayon::prelude::*;
+
+use crate::layout::{Corners, Triangle};
 use crate::pack;
 use crate::reference::surface::normal_of;
 use crate::render::choices::Method;
-use crate::scene::Scene;
 use crate::scene::condition::{self, Placement};
+use crate::scene::{Mesh, Scene};
 
 /// Placed triangles and the tree over them.
 pub struct Geometry {
@@ -21,6 +23,7 @@ pub struct Geometry {
     /// In the order of the tree's leaves.
     pub triangles: Vec<Triangle>,
     pub tree: Tree,
+    corners: OnceLock<Vec<Corners>>,
     wide: OnceLock<WideTree>,
     quality: OnceLock<Quality>,
     /// By how much robust slabs grow boxes, device units.
@@ -78,6 +81,7 @@ impl Geometry {
             stack_bound: bvh::stack::stack_bound(&tree),
             triangles,
             tree,
+            corners: OnceLock::new(),
             wide: OnceLock::new(),
             quality: OnceLock::new(),
             build_ms,
@@ -90,6 +94,18 @@ impl Geometry {
     /// The tree collapsed to eight children a node, made when first asked for.
     pub fn wide(&self) -> &WideTree {
         self.wide.get_or_init(|| WideTree::new(&self.tree))
+    }
+
+    /// The largest coordinate, device units.
+    pub fn largest(&self) -> f32 {
+        // Powers of two round nothing.
+        self.box_pad * 2f32.powi(21)
+    }
+
+    /// The triangles by their corners, in the same order, made when first asked for: `mesh` is that of the scene.
+    pub fn corners(&self, mesh: &Mesh) -> &[Corners] {
+        let ids = || self.triangles.par_iter().map(|triangle| triangle.id);
+        self.corners.get_or_init(|| condition::place_corners(mesh, &self.placement, ids()))
     }
 
     /// Most triangles in a leaf that this method meets.

@@ -2,10 +2,12 @@
 
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
-use crate::layout::{self, Frame};
+use crate::layout::{self, Corners, Frame};
 use crate::pack;
 use crate::render::auto::{Accessor, Decision};
-use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs};
+use crate::render::choices::{
+    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+};
 use crate::render::geometry::Geometry;
 use crate::render::rounds::Goal;
 use crate::render::schedule::{brute_frame_limit, brute_part};
@@ -65,6 +67,8 @@ pub struct Plan<'a> {
     pub constants: Vec<(u32, u32)>,
     pub texels: bool,
     pub geometry: &'a Geometry,
+    /// The triangles as the watertight intersector takes them, where it is chosen.
+    pub corners: Option<&'a [Corners]>,
     pub tuning: Tuning,
 }
 
@@ -112,6 +116,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
+                (layout::SPEC_WATERTIGHT, u32::from(settings.intersector == Intersector::Watertight)),
                 (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
                 (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
                 (layout::SPEC_JITTERED, u32::from(job.jitters > 1)),
@@ -125,6 +130,7 @@ impl<'a> Plan<'a> {
             settings,
             tiles,
             geometry,
+            corners: (settings.intersector == Intersector::Watertight).then(|| geometry.corners(&scene.mesh)),
             tuning: Tuning::default(),
         };
         plan.check_buffers(scene, limits)?;
@@ -180,7 +186,10 @@ impl<'a> Plan<'a> {
 
     /// The triangles as the kernel reads them.
     pub fn triangle_bytes(&self) -> &[u8] {
-        let own = bytemuck::cast_slice(&self.geometry.triangles);
+        let own = match self.corners {
+            Some(corners) => bytemuck::cast_slice(corners),
+            None => bytemuck::cast_slice(&self.geometry.triangles),
+        };
         self.tuning.triangles.as_deref().filter(|other| other.len() >= own.len()).unwrap_or(own)
     }
 
@@ -219,7 +228,7 @@ impl<'a> Plan<'a> {
 
     /// By how much the boxes of nodes are grown on every side, device units.
     pub fn node_pad(&self) -> f32 {
-        if self.settings.slabs == Slabs::Robust { self.geometry.box_pad } else { 0.0 }
+        if self.settings.slabs == Slabs::Robust { self.frame.box_pad } else { 0.0 }
     }
 
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
@@ -378,6 +387,16 @@ fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> 
     frame_of(job, settings, scene, geometry, model)
 }
 
+/// By how much boxes are grown, so that a ray which passes a triangle as the watertight intersector sees it crosses its
+/// box. A corner c is sheared to within 8 e (L + R) of where it is across the ray, e = 2^-24, if no coordinate of
+/// the scene exceeds L and none of the ray's origin R: c - o and its product with the slope are rounded, the slope is off
+/// by 3 e, and so is their difference. Twice as much is granted.
+fn watertight_pad(geometry: &Geometry, reach: f64) -> f32 {
+    let largest = geometry.largest();
+    let pad = (largest + largest.max(reach as f32)) * 2f32.powi(-20);
+    if pad.is_finite() { pad } else { 0.0 }
+}
+
 /// The frame of a render whose camera rays follow `model`.
 pub fn frame_of(
     job: &Job,
@@ -416,10 +435,17 @@ pub fn frame_of(
         node_count: geometry.tree.nodes.len() as u32,
         triangle_count: geometry.triangles.len() as u32,
         pixel_shift: rays.pixel_shift as f32,
-        box_pad: geometry.box_pad,
+        box_pad: match settings.intersector {
+            Intersector::Moller => geometry.box_pad,
+            Intersector::Watertight => {
+                let [at, dx, dy] = rays.origin.map(|v| v.abs().max_element());
+                watertight_pad(geometry, at + dx * f64::from(job.size.0) + dy * f64::from(job.size.1))
+            }
+        },
         sample_base: job.samples.start,
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
+        largest: geometry.largest(),
         ..Frame::default()
     }
 }

@@ -47,6 +47,7 @@ pub struct Uploads {
 struct Key {
     geometry: *const Geometry,
     texels: bool,
+    corners: bool,
     layout: NodeLayout,
     pad: u32,
 }
@@ -57,13 +58,16 @@ impl Uploads {
         let key = Key {
             geometry: plan.geometry,
             texels: plan.texels,
+            corners: plan.corners.is_some(),
             layout: plan.node_layout(),
             pad: plan.node_pad().to_bits(),
         };
         if let Some((_, uploaded)) = self.known.iter().find(|(known, _)| *known == key) {
             return Ok(uploaded.clone());
         }
-        let same = |known: &Key| known.geometry == key.geometry && known.texels == key.texels;
+        let same = |known: &Key| {
+            known.geometry == key.geometry && known.texels == key.texels && known.corners == key.corners
+        };
         let uploaded = match self.known.iter().find(|(known, _)| same(known)) {
             Some((_, there)) => {
                 Uploaded { nodes: Uploaded::upload_nodes(device, plan)?, triangles: there.triangles.clone() }

@@ -86,7 +86,7 @@ impl Record {
 }
 
 /// Columns of the CSV, in the order of the values of [`write_csv`].
-const COLUMNS: &str = "scene,label,same_as,preset,method,builder,passes,sampler,accumulator,offset,slabs,accessor,\
+const COLUMNS: &str = "scene,label,same_as,preset,method,builder,passes,sampler,accumulator,offset,intersector,slabs,accessor,\
                        adaptive,repeat,spp,gpu_ms,gpu_ms_low,gpu_ms_high,runs,rmse,rmse_below,mse,mse_error,bias,\
                        bias_error,overflowed_rays,pareto";
 
@@ -109,6 +109,7 @@ pub fn write_csv(curves: &[Curve], out: &mut dyn Write) -> io::Result<()> {
                 choices.sampler.into(),
                 choices.accumulator.into(),
                 choices.offset.into(),
+                choices.intersector.into(),
                 choices.slabs.into(),
                 choices.accessor.into(),
                 choices.adaptive.to_string(),

@@ -99,7 +99,7 @@ impl RenderRecord {
             sampler: settings.sampler.name(),
             accumulator: settings.accumulator.name(),
             offset: settings.offset.name(),
-            intersector: "moller",
+            intersector: settings.intersector.name(),
             slabs: settings.slabs.name(),
             camera: plan.job.camera,
             seed: plan.job.seed,

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{Bounds, Mesh};
-use crate::layout::Triangle;
+use crate::layout::{Corners, Triangle};
 
 /// How a scene was moved and scaled: device = (file - center) * scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +53,20 @@ pub fn place(mesh: &Mesh, placement: &Placement) -> Vec<Triangle> {
             pad1: 0,
         })
         .collect()
+}
+
+/// The same triangles by their corners, in the order of `ids` (places in the file).
+pub fn place_corners(
+    mesh: &Mesh,
+    placement: &Placement,
+    ids: impl IndexedParallelIterator<Item = u32>,
+) -> Vec<Corners> {
+    let corner = |index: u32| placement.point(mesh.positions[index as usize]).as_vec3().to_array();
+    ids.map(|id| {
+        let [a, b, c] = mesh.triangles[id as usize].map(corner);
+        Corners { a, id, b, pad0: 0, c, pad1: 0 }
+    })
+    .collect()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::io::Cursor;
 use cousu::pack::NodeArrays;
 use cousu::reference::{Choices, Inputs, Traversal};
 use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Method, Offset, Preset, Slabs, Wishes};
+use cousu::render::choices::{Intersector, Method, Offset, Preset, Slabs, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan, sampler_code};
@@ -146,6 +146,7 @@ impl Twin {
         Inputs {
             frame: &plan.frame,
             triangles: &plan.geometry.triangles,
+            corners: plan.corners.unwrap_or(&[]),
             tree: &self.tree,
             choices: Choices {
                 traversal: match plan.settings.method {
@@ -161,6 +162,7 @@ impl Twin {
                 original: plan.settings.preset.is_original(),
                 facing: plan.settings.preset != Preset::Original,
                 ulp_offset: plan.settings.offset == Offset::Ulp,
+                watertight: plan.settings.intersector == Intersector::Watertight,
                 robust_slabs: plan.settings.slabs == Slabs::Robust,
                 sampler: sampler_code(plan.settings.sampler),
             },

@@ -5,7 +5,9 @@ use serde::Serialize;
 use crate::bvh::Builder;
 use crate::layout::FRAME_SAMPLES;
 use crate::render::auto::{self, Decision};
-use crate::render::choices::{Accumulator, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes};
+use crate::render::choices::{
+    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
+};
 use crate::render::geometry::Geometry;
 use crate::vk::Adapter;
 
@@ -88,6 +90,7 @@ fn table() -> Vec<Variant> {
     let method = |method| Wishes { method: Some(method), ..auto };
     let passes = |passes| Wishes { passes: Some(passes), ..auto };
     let offset = |offset| Wishes { offset: Some(offset), ..auto };
+    let intersector = |intersector| Wishes { intersector: Some(intersector), ..auto };
     let slabs = |slabs| Wishes { slabs: Some(slabs), ..auto };
     [
         ("original", Varies::Original, preset(Preset::Original), Tweak::None),
@@ -112,6 +115,8 @@ fn table() -> Vec<Variant> {
         ("offset-fixed", Surface, offset(Offset::Fixed), Tweak::None),
         ("offset-scaled", Surface, offset(Offset::Scaled), Tweak::None),
         ("offset-ulp", Surface, offset(Offset::Ulp), Tweak::None),
+        ("moller", Surface, intersector(Intersector::Moller), Tweak::None),
+        ("watertight", Surface, intersector(Intersector::Watertight), Tweak::None),
         ("plain-slabs", Surface, slabs(Slabs::Plain), Tweak::None),
     ]
     .map(|(label, varies, wishes, tweak)| Variant { label: label.into(), varies, wishes, tweak })
@@ -160,6 +165,7 @@ pub struct Choices {
     pub sampler: &'static str,
     pub accumulator: &'static str,
     pub offset: &'static str,
+    pub intersector: &'static str,
     pub slabs: &'static str,
     pub accessor: &'static str,
     pub adaptive: bool,
@@ -180,7 +186,7 @@ impl Variant {
     /// What this curve does on a scene and a device.
     pub fn decide(&self, geometry: &Geometry, adapter: &Adapter) -> (Decision, Choices) {
         let decision = auto::decide(&self.wishes_on(geometry), geometry, adapter);
-        let Settings { preset, method, builder, passes, sampler, accumulator, offset, slabs } =
+        let Settings { preset, method, builder, passes, sampler, accumulator, offset, intersector, slabs } =
             decision.settings;
         let choices = Choices {
             preset: preset.name(),
@@ -190,6 +196,7 @@ impl Variant {
             sampler: sampler.name(),
             accumulator: accumulator.name(),
             offset: offset.name(),
+            intersector: intersector.name(),
             slabs: slabs.name(),
             accessor: decision.accessor.name(),
             adaptive: self.tweak == Tweak::Adaptive,

@@ -219,6 +219,7 @@ mod tests {
             sampler: "",
             accumulator: "",
             offset: "",
+            intersector: "",
             slabs: "",
             accessor: "",
             adaptive: false,
