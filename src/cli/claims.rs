@@ -4,19 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use comfy_table::{ColumnConstraint, ContentArrangement, Table, Width, presets};
-use image::{Rgb, RgbImage};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::args::size;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
-use crate::lab::claims::{
-    EXPERIMENTS, Evidence, Experiment, FIGURES, Figure, Lab, Ratio, Verdict, usual_size,
-};
+use crate::lab::claims::{EXPERIMENTS, Evidence, Experiment, FIGURES, Lab, Verdict, usual_size};
+use crate::lab::interleave::Ratio;
 use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::manifest::Manifest;
-use crate::report::png::{self, Encoding};
+use crate::report::png;
 
 #[derive(Args)]
 #[command(after_help = names())]
@@ -181,18 +179,11 @@ impl Outputs<'_> {
         for figure in &evidence.figures {
             let name = format!("{}.png", figure.name);
             Output::claim(&folder.join(&name))?
-                .write(|mut out| png::write_rgb(&picture(figure), Encoding::Srgb, manifest, &mut out))?;
+                .write(|mut out| png::write_figure(figure, manifest, &mut out))?;
             names.push(name);
         }
         Ok(names)
     }
-}
-
-fn picture(figure: &Figure) -> RgbImage {
-    RgbImage::from_fn(figure.width, figure.height, |x, y| {
-        let pixel = figure.pixels[(y * figure.width + x) as usize];
-        Rgb(pixel.map(|channel| Encoding::Srgb.byte(channel)))
-    })
 }
 
 /// Columns of the claim and of its measurement in the table, letters.

@@ -14,6 +14,7 @@ mod progress;
 mod render;
 mod scene;
 mod session;
+mod stability;
 
 use std::io::{self, Write};
 
@@ -39,6 +40,8 @@ enum Command {
     Bench(Box<bench::Arguments>),
     /// Chart speed against accuracy: errors of pictures over the GPU time that they take.
     Chart(Box<chart::Arguments>),
+    /// Show where each method fails, how badly, and which one does not.
+    Stability(Box<stability::Arguments>),
     /// Test each statement of the report that cousu grew from on this device: holds or does not hold.
     Claims(Box<claims::Arguments>),
     /// List the Vulkan devices, best first.
@@ -70,6 +73,7 @@ fn dispatch() -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments),
+        Command::Stability(arguments) => stability::run(&arguments),
         Command::Claims(arguments) => claims::run(&arguments),
         Command::Devices => devices::run(),
         Command::Doctor => doctor::run(),

@@ -4,4 +4,8 @@ pub mod bench;
 pub mod chart;
 pub mod claims;
 pub mod compare;
+pub mod figure;
+pub mod interleave;
+pub mod scenes;
+pub mod stability;
 pub mod statistics;

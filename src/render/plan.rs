@@ -446,6 +446,5 @@ pub fn frame_of(
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
         largest: geometry.largest(),
-        ..Frame::default()
     }
 }

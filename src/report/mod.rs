@@ -14,4 +14,5 @@ pub mod manifest;
 pub mod plot;
 pub mod png;
 pub mod record;
+pub mod stability;
 pub mod trace;

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use image::{Rgb, RgbImage};
 
 use super::manifest::Manifest;
+use crate::lab::figure::Figure;
 use crate::render::picture::Picture;
 
 /// How light becomes a byte.
@@ -40,6 +41,15 @@ pub fn write(
         Rgb([encoding.byte(picture.light[place]); 3])
     });
     write_rgb(&pixels, encoding, manifest, out)
+}
+
+/// Writes an experiment's picture with the manifest as a text chunk `cousu`.
+pub fn write_figure(figure: &Figure, manifest: &Manifest, out: &mut dyn Write) -> io::Result<()> {
+    let pixels = RgbImage::from_fn(figure.width, figure.height, |x, y| {
+        let place = y as usize * figure.width as usize + x as usize;
+        Rgb(figure.pixels[place].map(|channel| Encoding::Srgb.byte(channel)))
+    });
+    write_rgb(&pixels, Encoding::Srgb, manifest, out)
 }
 
 /// Writes bytes that are encoded already, with the manifest.

@@ -1,9 +1,10 @@
 //! Adding up frames: what the random numbers and a moved camera do to the picture.
 
-use super::measure::digits;
-use super::{Evidence, FIGURES, Figure, Lab, Verdict};
+use super::{Evidence, FIGURES, Lab, Verdict};
 use crate::bvh::Builder;
 use crate::error::Result;
+use crate::lab::figure::Figure;
+use crate::lab::interleave::digits;
 use crate::layout::FRAME_SAMPLES;
 use crate::render::choices::{Accumulator, Preset, Sampler, Wishes};
 use crate::render::picture::{Accumulated, Picture};

@@ -13,9 +13,11 @@ use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
 use crate::error::Result;
+use crate::lab::figure::Figure;
+use crate::lab::interleave::Ratio;
+use crate::lab::scenes::procedural;
 use crate::scene::Scene;
 use crate::vk::{Device, DeviceKind};
-pub use measure::Ratio;
 
 /// What an experiment says of a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,34 +58,6 @@ impl Verdict {
 impl Serialize for Verdict {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         serializer.serialize_str(self.name())
-    }
-}
-
-/// A picture that shows what a statement is about.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Figure {
-    /// What its file is called, without ending.
-    pub name: &'static str,
-    pub width: u32,
-    pub height: u32,
-    /// Linear red, green and blue in [0, 1], row by row from the top.
-    pub pixels: Vec<[f32; 3]>,
-}
-
-impl Figure {
-    /// Pictures of one size side by side.
-    fn beside(
-        name: &'static str,
-        (width, height): (u32, u32),
-        panels: &[&dyn Fn(u32, u32) -> [f32; 3]],
-    ) -> Self {
-        let mut pixels = Vec::with_capacity(panels.len() * width as usize * height as usize);
-        for y in 0..height {
-            for panel in panels {
-                pixels.extend((0..width).map(|x| panel(x, y)));
-            }
-        }
-        Self { name, width: width * panels.len() as u32, height, pixels }
     }
 }
 
@@ -231,8 +205,8 @@ impl<'a> Lab<'a> {
             size,
             quick,
             seed,
-            maison: scenes::procedural("maison", seed)?,
-            cornell: scenes::procedural("cornell", seed)?,
+            maison: procedural("maison", None, seed)?,
+            cornell: procedural("cornell", None, seed)?,
         })
     }
 

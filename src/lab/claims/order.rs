@@ -1,10 +1,10 @@
 //! The order in which a traversal goes through its tree, and what it keeps meanwhile.
 
-use super::measure::Variant;
 use super::scenes::method;
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
+use crate::lab::interleave::Variant;
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;
 use crate::render::work::{RayWork, count_work};

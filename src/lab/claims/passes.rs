@@ -1,9 +1,9 @@
 //! Passes: what it costs and saves to cut the work into kernels.
 
-use super::measure::{Ratio, Variant};
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
+use crate::lab::interleave::{Ratio, Variant};
 use crate::layout::Count;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;

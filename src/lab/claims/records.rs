@@ -1,9 +1,10 @@
 //! Records whose host side lies otherwise than the shader reads it.
 
 use super::scenes::method;
-use super::{Evidence, FIGURES, Figure, Lab, Verdict};
+use super::{Evidence, FIGURES, Lab, Verdict};
 use crate::bvh::Builder;
 use crate::error::Result;
+use crate::lab::figure::Figure;
 use crate::layout::{HitRecord, NO_HIT, Triangle};
 use crate::render::choices::{Method, Preset};
 use crate::render::plan::{Plan, Tuning};

@@ -2,7 +2,8 @@
 
 use super::Lab;
 use crate::bvh::Builder;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::lab::scenes::scene_of;
 use crate::layout::{self, FRAME_SAMPLES};
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
@@ -10,21 +11,7 @@ use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
 use crate::render::rounds::Goal;
 use crate::scene::camera::Camera;
-use crate::scene::obj::Report;
-use crate::scene::procedural::{self, Request};
 use crate::scene::{Mesh, Scene};
-
-/// A procedural scene of its own size.
-pub fn procedural(name: &str, seed: u32) -> Result<Scene> {
-    let kind = procedural::find(name)
-        .ok_or_else(|| Error::other(format!("There is no scene {name}: report this as a bug.")))?;
-    Ok(scene_of(name, (kind.generate)(&Request { triangles: None, seed })?))
-}
-
-fn scene_of(name: &str, mesh: Mesh) -> Scene {
-    let (bounds, hash) = (mesh.bounds(), mesh.hash());
-    Scene { path: name.into(), mesh, bounds, hash, report: Report::default(), load_ms: 0.0 }
-}
 
 /// The scene with another number of triangles: the largest of them, or the largest halved at their longest edge until
 /// there are enough. Its picture changes only where triangles are left out.
@@ -121,10 +108,11 @@ pub fn method(preset: Preset, method: Method) -> Wishes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lab::scenes::procedural;
 
     #[test]
     fn triangles_are_left_out_or_halved() {
-        let cornell = procedural("cornell", 0).unwrap();
+        let cornell = procedural("cornell", None, 0).unwrap();
         let area = |scene: &Scene| -> f64 {
             let corner = |i: u32| scene.mesh.positions[i as usize];
             let twice =

@@ -1,10 +1,10 @@
 //! What a stack costs, and what does without one.
 
-use super::measure::{Ratio, Variant, digits};
 use super::scenes::method;
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
+use crate::lab::interleave::{Ratio, Variant, digits};
 use crate::layout::{FRAME_SAMPLES, SPEC_STACK_ROOM};
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;

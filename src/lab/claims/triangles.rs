@@ -1,10 +1,10 @@
 //! How many triangles a tree needs to pay.
 
-use super::measure::{Variant, digits};
 use super::scenes::{method, with_triangles};
 use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
+use crate::lab::interleave::{Variant, digits};
 use crate::render::choices::{Method, Preset};
 use crate::render::geometry::Geometry;
 
