@@ -79,9 +79,10 @@ records! {
         /// Position of the triangle in the file: what a hit reports, and what decides a tie.
         id: uint,
         ab: vec3,
-        pad0: uint,
+        /// Sum of the sizes of the components of `ab`, or more.
+        ab_sum: float,
         ac: vec3,
-        pad1: uint,
+        ac_sum: float,
     }
     /// A triangle for the watertight intersector: its corners, scene units, and as for [`Triangle`] its place in the file.
     Corners {
@@ -311,6 +312,14 @@ records! {
     }
 }
 
+impl Triangle {
+    pub fn new(a: [f32; 3], id: u32, ab: [f32; 3], ac: [f32; 3]) -> Self {
+        // Two additions round by no more than 2^-23 together.
+        let sum = |v: [f32; 3]| (v[0].abs() + v[1].abs() + v[2].abs()) * (1.0 + 2.0 * f32::EPSILON);
+        Self { a, id, ab, ab_sum: sum(ab), ac, ac_sum: sum(ac) }
+    }
+}
+
 constants! {
     /// Descriptor bindings, all of set 0.
     BINDING_FRAME = 0;
@@ -353,6 +362,8 @@ constants! {
     SPEC_MARKS_MISSES = 11;
     /// Triangles are kept by their corners and met by the watertight intersector.
     SPEC_WATERTIGHT = 12;
+    /// Möller and Trumbore, but no triangle is missed that the exact ray meets.
+    SPEC_CONSERVATIVE = 13;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

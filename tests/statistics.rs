@@ -32,6 +32,7 @@ impl Numbers {
             original: false,
             robust_slabs: true,
             watertight: false,
+            conservative: false,
             sampler: self.sampler,
             facing: true,
             ulp_offset: false,

@@ -15,6 +15,15 @@ vec3 cross3(vec3 a, vec3 b) {
     return c;
 }
 
+// Error of the triple product of (direction, s, edge) of three components each, in parts of the largest component of s
+// and the sum of the edge's: src/reference/intersect.rs.
+float error_of(vec3 direction) {
+    vec3 size = abs(direction);
+    // 9 x 2^-24
+    precise float error = (size.x + size.y + size.z) * 5.36441802978515625e-7;
+    return error;
+}
+
 float max_abs(vec3 v) { return max(abs(v.x), max(abs(v.y), abs(v.z))); }
 
 // 1/x for 2^-120 < x < 2^120, within 2 ulp: a guess from the exponent (within 1/8), which four Newton

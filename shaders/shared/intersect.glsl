@@ -3,8 +3,9 @@
 #include "work.glsl"
 
 // Moeller and Trumbore (1997): distance in units of the direction and barycentric coordinates of the second and third
-// corner, before the division by `det`.
-bool meets_moller(Ray ray, Triangle triangle, out float det, out vec3 tuv) {
+// corner, before the division by `det`. With CONSERVATIVE each of them may be off by as much as rounding can do, so that
+// what the exact ray meets is met: no ray leaves a closed mesh. src/reference/intersect.rs derives the errors.
+bool meets_moller(Ray ray, float error, Triangle triangle, out float det, out vec3 tuv) {
     vec3 p = cross3(ray.direction, triangle.ac);
     det = dot3(triangle.ab, p);
     float side = det < 0.0 ? -1.0 : 1.0;
@@ -15,8 +16,19 @@ bool meets_moller(Ray ray, Triangle triangle, out float det, out vec3 tuv) {
     float v = side * dot3(ray.direction, q);
     float t = side * dot3(triangle.ac, q);
     precise float u_plus_v = u + v;
-    tuv = vec3(t, u, v);
-    return det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
+    if (!CONSERVATIVE) {
+        tuv = vec3(t, u, v);
+        return det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
+    }
+    precise float error_s = error * max_abs(s);
+    precise float error_u = error_s * triangle.ac_sum;
+    precise float error_v = error_s * triangle.ab_sum;
+    precise float most = det + (error_u + error_v + error * triangle.ab_sum * triangle.ac_sum);
+    // The point is brought into the triangle.
+    float inside_u = min(max(u, 0.0), det);
+    precise float rest = det - inside_u;
+    tuv = vec3(t, inside_u, min(max(v, 0.0), rest));
+    return det > SMALLEST_DETERMINANT && u >= -error_u && v >= -error_v && u_plus_v <= most && t > 0.0;
 }
 
 // The ray must also cross the triangle's own box as the robust slab test sees it, and the hit's distance is brought into
@@ -63,7 +75,7 @@ bool intersect(Ray ray, Slabs slabs, int index, float t_max, out uint id, out ve
     Triangle triangle = load_edges(index);
     id = triangle.id;
     if (ORIGINAL) return intersect_original(ray, triangle, t_max, tuv);
-    if (!meets_moller(ray, triangle, det, tuv)) return false;
+    if (!meets_moller(ray, slabs.error, triangle, det, tuv)) return false;
     precise vec3 b = triangle.a + triangle.ab;
     precise vec3 c = triangle.a + triangle.ac;
     return guarded(ray, slabs, Corners(triangle.a, id, b, 0u, c, 0u), det, t_max, tuv);

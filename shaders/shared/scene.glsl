@@ -20,6 +20,8 @@ CONSTANT(SPEC_BUDGETS, bool, BUDGETS, false);
 CONSTANT(SPEC_MARKS_MISSES, bool, MARKS_MISSES, true);
 // Triangles are kept by their corners.
 CONSTANT(SPEC_WATERTIGHT, bool, WATERTIGHT, false);
+// No triangle is missed that the exact ray meets.
+CONSTANT(SPEC_CONSERVATIVE, bool, CONSERVATIVE, false);
 
 #ifdef ACCESSOR_UNIFORM
 UNIFORM_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[3u * UNIFORM_TRIANGLES]; };
@@ -53,5 +55,5 @@ Triangle load_triangle(int i) {
     Corners corners = load_corners(i);
     precise vec3 ab = corners.b - corners.a;
     precise vec3 ac = corners.c - corners.a;
-    return Triangle(corners.a, corners.id, ab, 0u, ac, 0u);
+    return Triangle(corners.a, corners.id, ab, 0.0, ac, 0.0);
 }

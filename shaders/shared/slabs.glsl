@@ -8,6 +8,8 @@ struct Slabs {
     vec3 inverse;
     // For the watertight intersector.
     Shear shear;
+    // For the conservative one.
+    float error;
 };
 
 // Smallest direction component that robust slabs divide by, 2^-100. A zero would make 0 * inf = NaN
@@ -32,7 +34,8 @@ vec3 robust_inverse(vec3 d) {
 Slabs slabs_of(Ray ray) {
     Shear shear = Shear(0u, vec3(0.0));
     if (WATERTIGHT) shear = shear_of(ray.direction);
-    return Slabs(ray.origin, ROBUST_SLABS ? robust_inverse(ray.direction) : 1.0 / ray.direction, shear);
+    vec3 inverse = ROBUST_SLABS ? robust_inverse(ray.direction) : 1.0 / ray.direction;
+    return Slabs(ray.origin, inverse, shear, CONSERVATIVE ? error_of(ray.direction) : 0.0);
 }
 
 // Where the ray enters the box and leaves it. Every operation is monotonic in the bounds, so a box

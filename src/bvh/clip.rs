@@ -240,7 +240,9 @@ mod tests {
                 let ray =
                     if i % 2 == 0 { grazing_ray(&mut random, &one) } else { aimed_ray(&mut random, &one) };
                 let slabs = slabs_of(&ray, true);
-                let Some([t, ..]) = intersect_moller(&ray, &slabs, &one, pad, ray.t_max) else { continue };
+                let Some([t, ..]) = intersect_moller(&ray, &slabs, &one, false, pad, ray.t_max) else {
+                    continue;
+                };
                 hits += 1;
                 let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
                 assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}");

@@ -17,10 +17,14 @@ use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::png;
 use crate::report::stability::{Line, Record, Told, table, write_csv};
+use crate::scene::Scene;
 
 #[derive(Args)]
 #[command(after_help = names())]
 pub struct Arguments {
+    /// Further closed meshes for `watertight`, Wavefront OBJ files
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
     /// Folder for the matrix (stability.json, stability.csv) and the pictures
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -68,6 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let outputs =
         Outputs { folder: &arguments.output, json: arguments.json.as_deref().filter(|_| !to_stdout) };
     outputs.check()?;
+    let scenes = arguments.scenes.iter().map(|path| Scene::load(path)).collect::<Result<Vec<_>>>()?;
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let size = arguments.size.unwrap_or(usual_size(adapter.kind, arguments.quick));
@@ -96,6 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             quick: arguments.quick,
             seed: arguments.seed,
             size,
+            scenes: &scenes,
             methods: arguments.methods.clone(),
             observe: &observe,
         };

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::Inputs;
-use super::arith::{SMALLEST_DETERMINANT, cross3, dot3, max3, min3, reciprocal};
+use super::arith::{SMALLEST_DETERMINANT, cross3, dot3, max_abs, max3, min3, reciprocal};
 use super::ray::{Hit, Ray};
 use super::slabs::{Slabs, slab_interval, slabs_of};
 use super::watertight::meets_watertight;
@@ -25,8 +25,24 @@ fn corners_of(triangle: &Triangle) -> [Vec3; 3] {
     [a, a + Vec3::from(triangle.ab), a + Vec3::from(triangle.ac)]
 }
 
+/// Error of a triple product of the direction d, a vector s and an edge f, in parts of max abs(s) and of the sum of the
+/// abs(f): no less than 8 e sum abs(d), with e = 2^-24. A component of d x f is a difference of two products, each with
+/// the rounding of f = corner - corner, its own and the difference's, at most gamma(3) of sum abs(d_j f_k) over its j
+/// != k; the product with s = origin - corner adds the rounding of s, its own and two additions': gamma(7) in all, of
+/// sum abs(s_i d_j f_k) <= max abs(s) sum abs(d) sum abs(f). s . (d x ab) is computed as d . (s x ab), with the
+/// same bound. 9 e leaves room for the roundings of the bound itself.
+pub fn error_of(direction: Vec3) -> f32 {
+    let size = direction.abs();
+    (size.x + size.y + size.z) * (9.0 * 2f32.powi(-24))
+}
+
 /// Möller and Trumbore (1997): [det, t det, u det, v det] of a hit.
-fn meets_moller(ray: &Ray, triangle: &Triangle) -> Option<[f32; 4]> {
+///
+/// With `conservative`, u det and v det may be as far below 0, and their sum as far above det, as their errors allow:
+/// ab . (d x ac) has that of s, with ab in its place. So a triangle that the exact ray meets at t > 0 is met, and of a
+/// closed surface at least one; a triangle may also be met by a ray that passes it within twice the errors. Bounds hold
+/// while no product underflows. The point is brought into the triangle.
+fn meets_moller(ray: &Ray, triangle: &Triangle, conservative: bool) -> Option<[f32; 4]> {
     let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
     let p = cross3(ray.direction, ac);
     let det = dot3(ab, p);
@@ -38,8 +54,19 @@ fn meets_moller(ray: &Ray, triangle: &Triangle) -> Option<[f32; 4]> {
     let v = side * dot3(ray.direction, q);
     let t = side * dot3(ac, q);
     let u_plus_v = u + v;
-    let meets = det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
-    meets.then_some([det, t, u, v])
+    if !conservative {
+        let meets = det > SMALLEST_DETERMINANT && u >= 0.0 && v >= 0.0 && u_plus_v <= det && t > 0.0;
+        return meets.then_some([det, t, u, v]);
+    }
+    let error = error_of(ray.direction);
+    let error_s = error * max_abs(s);
+    let error_u = error_s * triangle.ac_sum;
+    let error_v = error_s * triangle.ab_sum;
+    let most = det + (error_u + error_v + error * triangle.ab_sum * triangle.ac_sum);
+    let inside_u = u.max(0.0).min(det);
+    let inside_v = v.max(0.0).min(det - inside_u);
+    let meets = det > SMALLEST_DETERMINANT && u >= -error_u && v >= -error_v && u_plus_v <= most && t > 0.0;
+    meets.then_some([det, t, inside_u, inside_v])
 }
 
 /// The ray must also cross the triangle's own box as the robust slab test sees it, and the hit's distance is brought into
@@ -63,10 +90,12 @@ pub fn intersect_moller(
     ray: &Ray,
     slabs: &Slabs,
     triangle: &Triangle,
+    conservative: bool,
     box_pad: f32,
     t_max: f32,
 ) -> Option<[f32; 3]> {
-    guarded(ray, slabs, padded_box_of(triangle, box_pad), meets_moller(ray, triangle)?, t_max)
+    let numerators = meets_moller(ray, triangle, conservative)?;
+    guarded(ray, slabs, padded_box_of(triangle, box_pad), numerators, t_max)
 }
 
 /// (t, u, v) of a hit with the watertight intersector.
@@ -115,7 +144,7 @@ pub fn intersect(inputs: &Inputs, ray: &Ray, slabs: &Slabs, index: u32, t_max: f
     if choices.original {
         intersect_original(ray, triangle, t_max)
     } else {
-        intersect_moller(ray, slabs, triangle, pad, t_max)
+        intersect_moller(ray, slabs, triangle, choices.conservative, pad, t_max)
     }
 }
 
@@ -148,7 +177,7 @@ mod tests {
     use crate::reference::testing::{KINDS, Random, aimed_ray, triangle, triangles_of};
 
     fn guarded(ray: &Ray, triangle: &Triangle, pad: f32) -> Option<[f32; 3]> {
-        intersect_moller(ray, &slabs_of(ray, true), triangle, pad, ray.t_max)
+        intersect_moller(ray, &slabs_of(ray, true), triangle, false, pad, ray.t_max)
     }
 
     #[test]

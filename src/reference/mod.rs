@@ -64,6 +64,8 @@ pub struct Choices {
     pub robust_slabs: bool,
     /// Triangles are met by their corners, watertight.
     pub watertight: bool,
+    /// No triangle is missed that the exact ray meets.
+    pub conservative: bool,
     /// One of the `SAMPLER_` constants of `layout`.
     pub sampler: u32,
     /// Normals face the camera.

@@ -83,7 +83,7 @@ pub const KINDS: [Kind; 6] =
     [Kind::Soup, Kind::FarOff, Kind::Quads, Kind::Slivers, Kind::FlatSlivers, Kind::Duplicates];
 
 pub fn triangle(id: u32, a: Vec3, ab: Vec3, ac: Vec3) -> Triangle {
-    Triangle { a: a.to_array(), id, ab: ab.to_array(), pad0: 0, ac: ac.to_array(), pad1: 0 }
+    Triangle::new(a.to_array(), id, ab.to_array(), ac.to_array())
 }
 
 pub fn soup(seed: u64, count: usize, size: f32) -> Vec<Triangle> {
@@ -258,6 +258,7 @@ impl Scene {
             traversal,
             original,
             watertight: false,
+            conservative: false,
             robust_slabs: !original,
             sampler: SAMPLER_PCG,
             facing: !original,

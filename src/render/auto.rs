@@ -185,9 +185,13 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     }
 }
 
-/// Both see the same triangles but for rays within a rounding of an edge.
-fn choose_intersector(_geometry: &Geometry) -> (Intersector, &'static str) {
-    (Intersector::Moller, "the cheaper one")
+/// All see the same triangles but for rays within some roundings of an edge.
+fn choose_intersector(geometry: &Geometry) -> (Intersector, &'static str) {
+    if geometry.shares_edges {
+        (Intersector::Conservative, "triangles share edges, and no ray may pass between them")
+    } else {
+        (Intersector::Moller, "no two triangles share an edge that rays could pass through")
+    }
 }
 
 /// Camera rays' hits are found again with each dispatch of a single pass; a second kernel costs little where dispatches

@@ -61,6 +61,8 @@ choices! {
     Intersector {
         /// Möller and Trumbore 1997, the original's.
         Moller = "moller",
+        /// The same, but no triangle is missed that the exact ray meets.
+        Conservative = "conservative",
         /// Woop, Benthin and Wald 2013: no ray passes between neighbours.
         Watertight = "watertight",
     }

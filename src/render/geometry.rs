@@ -1,5 +1,6 @@
 //! A scene as the device gets it: placed, its tree built, packed.
 
+use std::collections::HashSet;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -31,6 +32,8 @@ pub struct Geometry {
     /// Entries that `stackN` can need.
     pub stack_bound: u32,
     pub build_ms: f64,
+    /// Whether two triangles share an edge, so that rays must not pass between them.
+    pub shares_edges: bool,
     /// Triangles left out because 32-bit floats see no area in them.
     pub without_area: usize,
 }
@@ -86,6 +89,7 @@ impl Geometry {
             quality: OnceLock::new(),
             build_ms,
             without_area,
+            shares_edges: shares_edges(&scene.mesh),
         })
     }
 }
@@ -124,6 +128,21 @@ impl Geometry {
             Method::Wide => self.wide().stack_bound(),
         }
     }
+}
+
+/// Triangles that are looked at for a shared edge; scenes without one have next to none.
+const LOOKED_AT: usize = 1 << 20;
+
+/// Whether two triangles have the positions of an edge in common. Taken for granted where that would take long to find out.
+fn shares_edges(mesh: &Mesh) -> bool {
+    let bits = |corner: u32| mesh.positions[corner as usize].to_array().map(f64::to_bits);
+    let mut edges = HashSet::new();
+    let mut is_new = |from: u32, to: u32| {
+        let [from, to] = [bits(from), bits(to)];
+        edges.insert(if from < to { [from, to] } else { [to, from] })
+    };
+    let apart = |&[a, b, c]: &[u32; 3]| is_new(a, b) && is_new(b, c) && is_new(c, a);
+    mesh.triangles.len() > LOOKED_AT || !mesh.triangles.iter().all(apart)
 }
 
 /// Whether a placed triangle has a normal in the shaders' arithmetic. A ray that met one without by rounding

@@ -117,6 +117,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_ORIGINAL, u32::from(original)),
                 (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
                 (layout::SPEC_WATERTIGHT, u32::from(settings.intersector == Intersector::Watertight)),
+                (layout::SPEC_CONSERVATIVE, u32::from(settings.intersector == Intersector::Conservative)),
                 (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
                 (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
                 (layout::SPEC_JITTERED, u32::from(job.jitters > 1)),
@@ -436,7 +437,7 @@ pub fn frame_of(
         triangle_count: geometry.triangles.len() as u32,
         pixel_shift: rays.pixel_shift as f32,
         box_pad: match settings.intersector {
-            Intersector::Moller => geometry.box_pad,
+            Intersector::Moller | Intersector::Conservative => geometry.box_pad,
             Intersector::Watertight => {
                 let [at, dx, dy] = rays.origin.map(|v| v.abs().max_element());
                 watertight_pad(geometry, at + dx * f64::from(job.size.0) + dy * f64::from(job.size.1))

@@ -43,14 +43,10 @@ pub fn place(mesh: &Mesh, placement: &Placement) -> Vec<Triangle> {
     mesh.triangles
         .par_iter()
         .enumerate()
-        .map(|(id, &[a, b, c])| Triangle {
-            a: corner(a).to_array(),
-            id: id as u32,
+        .map(|(id, &[a, b, c])| {
             // Differences of the rounded corners, so that triangles which share a corner agree on it.
-            ab: (corner(b) - corner(a)).to_array(),
-            pad0: 0,
-            ac: (corner(c) - corner(a)).to_array(),
-            pad1: 0,
+            let [ab, ac] = [b, c].map(|end| (corner(end) - corner(a)).to_array());
+            Triangle::new(corner(a).to_array(), id as u32, ab, ac)
         })
         .collect()
 }

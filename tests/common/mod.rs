@@ -163,6 +163,7 @@ impl Twin {
                 facing: plan.settings.preset != Preset::Original,
                 ulp_offset: plan.settings.offset == Offset::Ulp,
                 watertight: plan.settings.intersector == Intersector::Watertight,
+                conservative: plan.settings.intersector == Intersector::Conservative,
                 robust_slabs: plan.settings.slabs == Slabs::Robust,
                 sampler: sampler_code(plan.settings.sampler),
             },

@@ -116,6 +116,7 @@ fn table() -> Vec<Variant> {
         ("offset-scaled", Surface, offset(Offset::Scaled), Tweak::None),
         ("offset-ulp", Surface, offset(Offset::Ulp), Tweak::None),
         ("moller", Surface, intersector(Intersector::Moller), Tweak::None),
+        ("conservative", Surface, intersector(Intersector::Conservative), Tweak::None),
         ("watertight", Surface, intersector(Intersector::Watertight), Tweak::None),
         ("plain-slabs", Surface, slabs(Slabs::Plain), Tweak::None),
     ]

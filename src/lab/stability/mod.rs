@@ -3,6 +3,7 @@
 mod accumulation;
 mod bits;
 mod camera;
+mod closed;
 mod degenerate;
 mod matrix;
 mod measure;
@@ -17,6 +18,7 @@ mod work;
 use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::render::choices::Method;
+use crate::scene::Scene;
 use crate::vk::{Device, DeviceKind};
 
 pub use matrix::{Case, Row, Verdict};
@@ -66,6 +68,8 @@ pub struct Lab<'a> {
     pub size: (u32, u32),
     /// Methods that take part beside `auto`; none: all of them.
     pub methods: Vec<Method>,
+    /// Further scenes, for the experiments that take any.
+    pub scenes: &'a [Scene],
     /// Hears what is at hand and how much of the experiment is done, in [0, 1].
     pub observe: &'a dyn Fn(&str, f64),
 }
