@@ -104,7 +104,7 @@ impl<'a> Plan<'a> {
         let tiles = job.tiles();
         let frame = frame(&job, &settings, scene, geometry);
         if !original {
-            check_frame(&frame)?;
+            check_frame(&frame, geometry.largest())?;
         }
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
@@ -253,10 +253,10 @@ impl<'a> Plan<'a> {
 }
 
 /// The camera must be one that 32-bit floats can hold.
-fn check_frame(frame: &Frame) -> Result<()> {
+fn check_frame(frame: &Frame, largest: f32) -> Result<()> {
     let length = |v: [f32; 3]| glam::Vec3::from(v).length();
     let rays = [frame.origin, frame.direction, frame.origin_dx, frame.origin_dy];
-    let far = rays.iter().any(|&v| length(v) > FARTHEST);
+    let far = rays.iter().any(|&v| length(v) > FARTHEST * largest.max(1.0));
     if far || !rays.iter().all(|v| glam::Vec3::from(*v).is_finite()) {
         return Err(Error::usage(
             "The eye is more than a million times the scene's size away, where 32-bit floats see nothing of it: move it \

@@ -6,7 +6,7 @@ use xxhash_rust::xxh3::xxh3_128;
 use crate::error::Result;
 use crate::layout::Count;
 use crate::render::auto;
-use crate::render::choices::{Accumulator, Offset, Sampler, Slabs, Wishes};
+use crate::render::choices::{Accumulator, Intersector, Offset, Sampler, Slabs, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
@@ -21,10 +21,11 @@ use crate::vk::{Device, DeviceKind};
 
 /// Names the code that a reference's counts follow from: camera rays, sampler, offset, intersector, slabs. Whoever
 /// changes one of them so that counts change raises it, and kept references are made again; a test tells.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 const SAMPLER: Sampler = Sampler::Philox;
 const OFFSET: Offset = Offset::Ulp;
+const INTERSECTOR: Intersector = Intersector::Watertight;
 const SLABS: Slabs = Slabs::Robust;
 
 /// Digits of e. Curves have other seeds: a chart takes two that its own seed is not.
@@ -58,6 +59,7 @@ pub fn wishes() -> Wishes {
     Wishes {
         sampler: Some(SAMPLER),
         offset: Some(OFFSET),
+        intersector: Some(INTERSECTOR),
         slabs: Some(SLABS),
         accumulator: Some(Accumulator::Count),
         ..Wishes::default()
@@ -72,7 +74,7 @@ impl Recipe<'_> {
         let distance = max_distance.map_or("none".into(), |distance| distance.to_string());
         format!(
             "version {VERSION}, scene {:016x}, camera {camera}, size {}x{}, max distance {distance}, {spp} samples, seed \
-             {seed}, sampler {SAMPLER}, offset {OFFSET}, slabs {SLABS}",
+             {seed}, sampler {SAMPLER}, offset {OFFSET}, intersector {INTERSECTOR}, slabs {SLABS}",
             scene.hash, size.0, size.1
         )
     }
