@@ -260,7 +260,8 @@ fn figure(lab: &Lab<'_>, floor: &Lattice) -> Result<Figure> {
         .collect();
     let map = |slabs| -> Result<Picture> {
         let intersector = Some(Intersector::Watertight);
-        let wishes = Wishes { slabs: Some(slabs), intersector, ..Wishes::default() };
+        let method = Some(Method::Threaded);
+        let wishes = Wishes { slabs: Some(slabs), intersector, method, ..Wishes::default() };
         let hits = lab.trace(&floor.plan(lab, &wishes)?, Query::Closest, &rays)?;
         let light = hits.iter().map(|hit| if hit.index == NO_HIT { 0.0 } else { 0.5 });
         let coverage = vec![1.0; hits.len()];
