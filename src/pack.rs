@@ -20,6 +20,25 @@ pub fn box_pad(triangles: &[Triangle]) -> f32 {
     if largest.is_finite() { largest * 2f32.powi(-21) } else { 0.0 }
 }
 
+/// The same for the watertight intersector: 20 e (L + R), e = 2^-24, if no coordinate of the scene exceeds L = `largest`, and
+/// none of a ray's origin R = `reach` (at least L). Then a triangle's own box rejects no hit that the intersector accepts.
+///
+/// src/reference/watertight.rs derives that the ray passes a point of the triangle within 8 e (L + R) in each axis, or, if
+/// it does so behind its origin and t is above 0 by rounding alone, that the origin lies within 15 e (L + R) of that point.
+/// The box is made of edges that were rounded (3 e L) and rounds as it grows (e L and little more), and L is at most half of L + R:
+/// 17 e (L + R). The slab test allows for its own rounding ([`EXIT_SLACK`]), and its stand-in for zero moves a ray of direction
+/// above 2^-70 by less than e (L + R). What remains is spare.
+///
+/// [`EXIT_SLACK`]: crate::reference::slabs::EXIT_SLACK
+pub fn watertight_pad(largest: f32, reach: f64) -> f32 {
+    let largest = f64::from(largest);
+    let pad = ((largest + largest.max(reach)) * WATERTIGHT_PAD) as f32;
+    if pad.is_finite() { pad } else { 0.0 }
+}
+
+/// 20 e.
+const WATERTIGHT_PAD: f64 = 20.0 / 16_777_216.0;
+
 /// The triangles in the order of the tree's leaves.
 pub fn triangles(tree: &Tree, triangles: &[Triangle]) -> Vec<Triangle> {
     tree.order.iter().map(|&place| triangles[place as usize]).collect()

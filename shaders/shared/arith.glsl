@@ -4,6 +4,8 @@
 
 // Smallest determinant taken for a triangle that a ray can meet, 2^-120: below it `reciprocal` overflows.
 #define SMALLEST_DETERMINANT 7.52316384526264e-37
+// 2^120: from here on it underflows.
+#define LARGEST_DETERMINANT 1.329227995784916e36
 
 float dot3(vec3 a, vec3 b) {
     precise float sum = a.x * b.x + a.y * b.y + a.z * b.z;

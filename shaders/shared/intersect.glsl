@@ -33,10 +33,13 @@ bool meets_moller(Ray ray, float error, Triangle triangle, out float det, out ve
 
 // The ray must also cross the triangle's own box as the robust slab test sees it, and the hit's distance is brought into
 // that box: then every tree of boxes finds the same hits at the same distances, exactly. (Brought in, not compared: a flat
-// box is thinner than the error of t.)
-bool guarded(Ray ray, Slabs slabs, Corners corners, float det, float t_max, inout vec3 tuv) {
-    precise vec3 pmin = min(corners.a, min(corners.b, corners.c)) - frame.box_pad;
-    precise vec3 pmax = max(corners.a, max(corners.b, corners.c)) + frame.box_pad;
+// box is thinner than the error of t.) The box is that of the edges as they round, with either intersector, for so are those
+// of the tree.
+bool guarded(Ray ray, Slabs slabs, Triangle triangle, float det, float t_max, inout vec3 tuv) {
+    precise vec3 b = triangle.a + triangle.ab;
+    precise vec3 c = triangle.a + triangle.ac;
+    precise vec3 pmin = min(triangle.a, min(b, c)) - frame.box_pad;
+    precise vec3 pmax = max(triangle.a, max(b, c)) + frame.box_pad;
     if (!ROBUST_SLABS) slabs.inverse = robust_inverse(ray.direction);
     vec2 interval = slab_interval(slabs, pmin, pmax, true);
     precise float scale = reciprocal(det);
@@ -70,15 +73,12 @@ bool intersect(Ray ray, Slabs slabs, int index, float t_max, out uint id, out ve
         Corners corners = load_corners(index);
         id = corners.id;
         return meets_watertight(ray.origin, slabs.shear, corners, det, tuv) &&
-               guarded(ray, slabs, corners, det, t_max, tuv);
+               guarded(ray, slabs, edges_of(corners), det, t_max, tuv);
     }
     Triangle triangle = load_edges(index);
     id = triangle.id;
     if (ORIGINAL) return intersect_original(ray, triangle, t_max, tuv);
-    if (!meets_moller(ray, slabs.error, triangle, det, tuv)) return false;
-    precise vec3 b = triangle.a + triangle.ab;
-    precise vec3 c = triangle.a + triangle.ac;
-    return guarded(ray, slabs, Corners(triangle.a, id, b, 0u, c, 0u), det, t_max, tuv);
+    return meets_moller(ray, slabs.error, triangle, det, tuv) && guarded(ray, slabs, triangle, det, t_max, tuv);
 }
 
 // Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter

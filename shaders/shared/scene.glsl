@@ -49,11 +49,13 @@ int load_wide_child(int i, uint slot) { return int(NODE_WORD(uint(i) * WIDE_WORD
 #endif
 Corners load_corners(int i) { LOAD_Corners(TRIANGLE_WORD, uint(i)) }
 Triangle load_edges(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }
-// By its edges, whichever way it is kept.
-Triangle load_triangle(int i) {
-    if (!WATERTIGHT) return load_edges(i);
-    Corners corners = load_corners(i);
+Triangle edges_of(Corners corners) {
     precise vec3 ab = corners.b - corners.a;
     precise vec3 ac = corners.c - corners.a;
     return Triangle(corners.a, corners.id, ab, 0.0, ac, 0.0);
+}
+// By its edges, whichever way it is kept.
+Triangle load_triangle(int i) {
+    if (WATERTIGHT) return edges_of(load_corners(i));
+    return load_edges(i);
 }

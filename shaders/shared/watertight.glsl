@@ -12,11 +12,17 @@ struct Shear {
 // The two axes after the given one, and it.
 vec3 turned(vec3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
 
+// Directions whose largest component lies between these are followed, 2^-70 and 2^70; any other, and one that is no number,
+// meets nothing. Beyond them the slab test's stand-in for zero would count, and products would leave the range of floats.
+#define SMALLEST_DIRECTION 8.470329472543003e-22
+#define LARGEST_DIRECTION 1.180591620717411303e21
+
 Shear shear_of(vec3 direction) {
     vec3 size = abs(direction);
     uint axis = size.x > size.y ? (size.x > size.z ? 0u : 2u) : (size.y > size.z ? 1u : 2u);
     vec3 d = turned(direction, axis);
-    float along = abs(d.z) > 0.0 ? reciprocal(abs(d.z)) : 0.0;
+    float length = abs(d.z);
+    float along = length > SMALLEST_DIRECTION && length < LARGEST_DIRECTION ? reciprocal(length) : 0.0;
     along = d.z < 0.0 ? -along : along;
     precise vec2 across = d.xy * along;
     return Shear(axis, vec3(across, along));
@@ -42,21 +48,38 @@ float error_of_product(float a, float b, float product) {
     return error;
 }
 
-// Twice the area of the triangle (0, p, q): its sign is exact, for rounding keeps the order of two products; where they
-// round to the same, their errors tell.
+// Below this, 2^-76, the error of a product may underflow.
+#define SMALLEST_PRODUCT 1.3234889800848443e-23
+
+// Twice the area of the triangle (0, p, q), within 3 e of itself (e = 2^-24): the difference of two products, which is exact
+// where it cancels, and their errors. Where both products are below 2^-76, their difference as it rounds.
+float edge_area(vec2 p, vec2 q) {
+    precise float left = p.x * q.y;
+    precise float right = p.y * q.x;
+    precise float area = left - right;
+    if (max(abs(left), abs(right)) >= SMALLEST_PRODUCT) {
+        float left_error = error_of_product(p.x, q.y, left);
+        float right_error = error_of_product(p.y, q.x, right);
+        precise float high = area + left_error;
+        precise float low = left_error - (high - area);
+        precise float sum = (high - right_error) + low;
+        area = sum;
+    }
+    return area;
+}
+
+// The same with no more than the sign right, for rounding keeps the order of two products.
 float edge_side(vec2 p, vec2 q) {
     precise float left = p.x * q.y;
     precise float right = p.y * q.x;
     precise float side = left - right;
-    if (side == 0.0) {
-        precise float rest = error_of_product(p.x, q.y, left) - error_of_product(p.y, q.x, right);
-        side = rest;
-    }
+    if (side == 0.0) side = edge_area(p, q);
     return side;
 }
 
 // Distance (in units of the direction) and barycentric coordinates of the second and third corner, before the division by
-// `det`, which is positive where there is a hit and 0 otherwise.
+// `det`, which is positive where there is a hit. What is kept of the many triangles that are tested is computed anew, so that
+// the distance is that of a point of the triangle, however the ray grazes it.
 bool meets_watertight(vec3 origin, Shear shear, Corners corners, out float det, out vec3 tuv) {
     det = 0.0;
     tuv = vec3(0.0);
@@ -67,11 +90,16 @@ bool meets_watertight(vec3 origin, Shear shear, Corners corners, out float det, 
     float v = edge_side(a.xy, c.xy);
     float w = edge_side(b.xy, a.xy);
     if (min(min(u, v), w) < 0.0 && max(max(u, v), w) > 0.0) return false;
+    bool ahead = shear.by.z > 0.0 ? max(max(a.z, b.z), c.z) > 0.0 : min(min(a.z, b.z), c.z) < 0.0;
+    if (!ahead) return false;
+    u = edge_area(c.xy, b.xy);
+    v = edge_area(a.xy, c.xy);
+    w = edge_area(b.xy, a.xy);
     precise float sum = u + v + w;
     precise float along = u * a.z + v * b.z + w * c.z;
     precise float t = along * shear.by.z;
     float side = sum < 0.0 ? -1.0 : 1.0;
     det = abs(sum);
     tuv = side * vec3(t, v, w);
-    return det > SMALLEST_DETERMINANT && tuv.x > 0.0;
+    return det > SMALLEST_DETERMINANT && det < LARGEST_DETERMINANT && tuv.x > 0.0;
 }

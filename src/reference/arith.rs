@@ -6,6 +6,9 @@ use glam::{Vec2, Vec3};
 /// Smallest determinant taken for a triangle that the ray can meet, 2^-120: below it [`reciprocal`] overflows.
 pub const SMALLEST_DETERMINANT: f32 = 7.523_164e-37;
 
+/// 2^120: from here on it underflows.
+pub const LARGEST_DETERMINANT: f32 = 1.329_228e36;
+
 pub fn dot3(a: Vec3, b: Vec3) -> f32 {
     a.x * b.x + a.y * b.y + a.z * b.z
 }

@@ -20,13 +20,19 @@
 //! Lastly the ray must cross the triangle's own box, and t is brought into it. Slabs move t by no more than
 //! 8 ulp; where they may not agree that the box is crossed, a hit is doubtful.
 //!
-//! This judges the guarded intersector; the original's has no bound (its roundings are the driver's).
+//! The watertight intersector is followed in the same way, corner by corner ([`crossing`]): its decisions are exact, but about
+//! corners that were moved when they were sheared.
+//!
+//! This judges the guarded intersectors; the original's has no bound (its roundings are the driver's).
 
 mod bounded;
+mod crossing;
 #[cfg(test)]
 mod tests;
 
-use bounded::{Bounded, E, SPARE, TINY, cross, dot, largest};
+use bounded::{E, SPARE, TINY};
+use crossing::{Crossing, crossing_of};
+pub use crossing::{Shape, Shapes};
 
 use super::Inputs;
 use super::arith::SMALLEST_DETERMINANT;
@@ -34,8 +40,6 @@ use super::intersect::padded_box_of;
 use super::slabs::at_least_smallest;
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
 
-/// 2^120: products beyond this may overflow in f32, where three of them are added.
-const HUGE: f64 = 1.329_227_995_784_916e36;
 /// 8 ulp, a relative error of an f32.
 const EIGHT_ULP: f64 = 16.0 * E;
 
@@ -90,64 +94,48 @@ pub enum Verdict {
     Doubtful(Option<Meeting>),
 }
 
-/// The numerators of Möller–Trumbore: [det, u det, v det, t det]; none where f32 may overflow.
-fn numerators(ray: &RayRecord, triangle: &Triangle) -> Option<[Bounded; 4]> {
-    let [o, d, a, ab, ac] = [ray.origin, ray.direction, triangle.a, triangle.ab, triangle.ac]
-        .map(|vector| vector.map(Bounded::exact));
-    let s = [o[0] - a[0], o[1] - a[1], o[2] - a[2]];
-    let (p, q) = (cross(d, ac), cross(s, ab));
-    let most = [largest(p) * largest(s).max(largest(ab)), largest(q) * largest(d).max(largest(ac))];
-    let overflows = most.into_iter().any(|product| product > HUGE);
-    (!overflows).then(|| [dot(ab, p), dot(s, p), dot(d, q), dot(ac, q)])
-}
-
-pub fn verdict(ray: &RayRecord, triangle: &Triangle, rules: &Rules) -> Verdict {
+pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rules) -> Verdict {
+    let triangle = triangle.into();
     if ray.origin.iter().chain(&ray.direction).any(|component| component.is_nan()) {
         // det or u is NaN, and every comparison of the shader is false.
         return Verdict::Miss { margin: f64::INFINITY };
     }
-    let Some([det, u, v, t]) = numerators(ray, triangle) else { return Verdict::Doubtful(None) };
+    let Crossing { det, weights, t, t_error, t_margin } = match crossing_of(ray, triangle) {
+        crossing::Found::Crossing(crossing) => crossing,
+        crossing::Found::Never => return Verdict::Miss { margin: f64::INFINITY },
+        crossing::Found::Overflows => return Verdict::Doubtful(None),
+    };
     let size = det.value.abs();
     let smallest = f64::from(SMALLEST_DETERMINANT);
     if size + det.error <= smallest {
         return Verdict::Miss { margin: (smallest - size) / det.error };
     }
     if size - det.error <= smallest {
-        // The side is unknown, but on neither can u or v exceed det.
-        let margin = [u, v]
-            .map(|numerator| (numerator.value.abs() - size) / (numerator.error + det.error))
+        // The side is unknown, but on neither can a weight exceed det.
+        let margin = weights
+            .map(|weight| (weight.value.abs() - size) / (weight.error + det.error))
             .into_iter()
             .fold(f64::NEG_INFINITY, f64::max);
         return if margin > 1.0 { Verdict::Miss { margin } } else { Verdict::Doubtful(None) };
     }
-    let [u, v, t] = [u, v, t].map(|n| Bounded { value: n.value * det.value.signum(), ..n });
-    let sum_error = u.error + v.error;
-    let third_error = sum_error + det.error + E * ((u.value + v.value).abs() + sum_error);
-    let inside = [
-        u.margin(f64::INFINITY),
-        v.margin(f64::INFINITY),
-        (size - u.value - v.value) / third_error,
-        t.margin(f64::NEG_INFINITY),
-        (size - smallest) / det.error,
-    ];
-    let least = inside.into_iter().fold(f64::INFINITY, f64::min);
+    let weights = weights.map(|weight| weight.times(det.value.signum()));
+    let [_, u, v] = weights;
+    let inside = weights.map(|weight| weight.margin(f64::INFINITY));
+    let least =
+        inside.into_iter().chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
     if least < -1.0 {
         return Verdict::Miss { margin: -least };
     }
-    let error = |n: Bounded, more: f64| {
-        let quotient = n.value.abs() / size;
-        SPARE * ((n.error + quotient * det.error) / (size - det.error) + more * quotient + TINY)
-    };
     let meeting = Meeting {
-        t: t.value / size,
+        t,
         u: u.value / size,
         v: v.value / size,
-        t_error: error(t, 3.0 * E + EIGHT_ULP),
-        u_error: error(u, 3.0 * E),
-        v_error: error(v, 3.0 * E),
+        t_error: t_error + SPARE * (EIGHT_ULP * t.abs() + TINY),
+        u_error: u.quotient_error(det, 3.0 * E),
+        v_error: v.quotient_error(det, 3.0 * E),
         margin: least,
     };
-    within_reach(ray, triangle, rules, meeting)
+    within_reach(ray, &triangle.edges(), rules, meeting)
 }
 
 /// The verdict on a meeting that no edge rules out: against t_max, and against the triangle's box.
@@ -235,14 +223,18 @@ pub struct ExactAny {
 /// Triangles and the rules that decide.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth<'a> {
-    pub triangles: &'a [Triangle],
+    pub triangles: Shapes<'a>,
     pub rules: Rules,
 }
 
 impl<'a> Truth<'a> {
     pub fn of(inputs: &Inputs<'a>) -> Self {
         let rules = Rules { box_pad: inputs.frame.box_pad, robust_slabs: inputs.choices.robust_slabs };
-        Self { triangles: inputs.triangles, rules }
+        let triangles = match inputs.choices.watertight {
+            true => Shapes::Corners(inputs.corners),
+            false => Shapes::Edges(inputs.triangles),
+        };
+        Self { triangles, rules }
     }
 
     pub fn closest(&self, ray: &RayRecord) -> ExactClosest {
@@ -251,7 +243,7 @@ impl<'a> Truth<'a> {
         let mut gap = f64::INFINITY;
         for (index, triangle) in self.triangles.iter().enumerate() {
             let verdict = verdict(ray, triangle, &self.rules);
-            let candidate = Candidate { index: index as u32, id: triangle.id, verdict };
+            let candidate = Candidate { index: index as u32, id: triangle.id(), verdict };
             match verdict {
                 Verdict::Miss { margin } => {
                     nearest_miss = nearest_miss.min(margin);
@@ -284,7 +276,7 @@ impl<'a> Truth<'a> {
     pub fn any(&self, ray: &RayRecord) -> ExactAny {
         let (mut hits, mut doubtful) = (0, 0);
         let (mut surest_hit, mut nearest_miss) = (0f64, f64::INFINITY);
-        for triangle in self.triangles {
+        for triangle in self.triangles.iter() {
             match verdict(ray, triangle, &self.rules) {
                 Verdict::Hit(meeting) => {
                     hits += 1;

@@ -6,23 +6,15 @@ use super::Inputs;
 use super::arith::{SMALLEST_DETERMINANT, cross3, dot3, max_abs, max3, min3, reciprocal};
 use super::ray::{Hit, Ray};
 use super::slabs::{Slabs, slab_interval, slabs_of};
-use super::watertight::meets_watertight;
+use super::watertight::{edges_of, meets_watertight};
 use crate::layout::{Corners, Triangle};
 
-/// The box of a triangle as the slab test sees it, grown by box_pad.
-fn padded_box(corners: [Vec3; 3], box_pad: f32) -> (Vec3, Vec3) {
-    let [a, b, c] = corners;
-    (min3(a, min3(b, c)) - box_pad, max3(a, max3(b, c)) + box_pad)
-}
-
-/// The box of a triangle that is kept by its edges: of the corners as they round.
+/// The box of a triangle as the slab test sees it, grown by box_pad: that of its edges as they round, with either
+/// intersector, for so are the tree's.
 pub fn padded_box_of(triangle: &Triangle, box_pad: f32) -> (Vec3, Vec3) {
-    padded_box(corners_of(triangle), box_pad)
-}
-
-fn corners_of(triangle: &Triangle) -> [Vec3; 3] {
     let a = Vec3::from(triangle.a);
-    [a, a + Vec3::from(triangle.ab), a + Vec3::from(triangle.ac)]
+    let (b, c) = (a + Vec3::from(triangle.ab), a + Vec3::from(triangle.ac));
+    (min3(a, min3(b, c)) - box_pad, max3(a, max3(b, c)) + box_pad)
 }
 
 /// Error of a triple product of the direction d, a vector s and an edge f, in parts of max abs(s) and of the sum of the
@@ -107,8 +99,7 @@ pub fn intersect_watertight(
     t_max: f32,
 ) -> Option<[f32; 3]> {
     let numerators = meets_watertight(ray, corners)?;
-    let corners = [corners.a, corners.b, corners.c].map(Vec3::from);
-    guarded(ray, slabs, padded_box(corners, box_pad), numerators, t_max)
+    guarded(ray, slabs, padded_box_of(&edges_of(corners), box_pad), numerators, t_max)
 }
 
 /// The original's form: the division is not guarded, so a zero determinant gives NaN, which no comparison

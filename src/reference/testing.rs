@@ -5,9 +5,10 @@ use glam::Vec3;
 use super::{Choices, Inputs, Traversal};
 use crate::bvh::stack::stack_bound;
 use crate::bvh::{Tree, midpoint};
-use crate::layout::{Frame, SAMPLER_PCG, Triangle};
+use crate::layout::{Corners, Frame, SAMPLER_PCG, Triangle};
 use crate::pack::{self, NodeArrays};
 use crate::reference::ray::Ray;
+use crate::reference::watertight::edges_of;
 use crate::scene::condition::{Placement, place};
 use crate::scene::procedural::{Request, find};
 
@@ -203,10 +204,29 @@ pub fn procedural(name: &str, triangles: Option<u64>) -> Vec<Triangle> {
     place(&mesh, &Placement::conditioned(&mesh.bounds()))
 }
 
+/// A triangle's corners as they round.
+pub fn corners_of(triangle: &Triangle) -> Corners {
+    let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(Vec3::from);
+    let (b, c) = ((a + ab).to_array(), (a + ac).to_array());
+    Corners { a: triangle.a, id: triangle.id, b, c, ..Corners::default() }
+}
+
+/// Triangles by their corners, and by the edges between those, as a render places them.
+pub fn by_corners(triangles: &[Triangle]) -> (Vec<Corners>, Vec<Triangle>) {
+    let corners: Vec<_> = triangles.iter().map(corners_of).collect();
+    let triangles = corners.iter().map(edges_of).collect();
+    (corners, triangles)
+}
+
+/// The largest coordinate of an origin of [`aimed_ray`] and [`grazing_ray`] for the scenes here.
+pub const REACH: f64 = 40.0;
+
 /// Triangles packed for every traversal, and a frame without a camera.
 pub struct Scene {
     pub frame: Frame,
     pub triangles: Vec<Triangle>,
+    /// The same by their corners, where the intersector is watertight.
+    pub corners: Vec<Corners>,
     pub tree: NodeArrays,
     /// Entries that a stack needs.
     pub stack_bound: u32,
@@ -217,14 +237,30 @@ impl Scene {
         Self::with(&midpoint::build(&triangles), &triangles)
     }
 
+    /// The same for the watertight intersector.
+    pub fn watertight(triangles: &[Triangle]) -> Self {
+        let (corners, triangles) = by_corners(triangles);
+        Self::watertight_with(&midpoint::build(&triangles), &corners, &triangles)
+    }
+
+    /// A tree over [`by_corners`], for the watertight intersector.
+    pub fn watertight_with(tree: &Tree, corners: &[Corners], triangles: &[Triangle]) -> Self {
+        let pad = pack::watertight_pad(pack::box_pad(triangles) * 2f32.powi(21), REACH);
+        let corners = tree.order.iter().map(|&place| corners[place as usize]).collect();
+        Self { corners, ..Self::padded(tree, triangles, pad) }
+    }
+
     /// A tree over these triangles.
     pub fn with(tree: &Tree, triangles: &[Triangle]) -> Self {
-        let box_pad = pack::box_pad(triangles);
+        Self::padded(tree, triangles, pack::box_pad(triangles))
+    }
+
+    fn padded(tree: &Tree, triangles: &[Triangle], box_pad: f32) -> Self {
         let frame = Frame {
             node_count: tree.nodes.len() as u32,
             triangle_count: tree.order.len() as u32,
             box_pad,
-            largest: box_pad * 2f32.powi(21),
+            largest: pack::box_pad(triangles) * 2f32.powi(21),
             ambient_t_max: f32::MAX,
             camera_t_max: f32::MAX,
             seed: 1,
@@ -234,6 +270,7 @@ impl Scene {
         Self {
             frame,
             triangles: pack::triangles(tree, triangles),
+            corners: Vec::new(),
             tree: NodeArrays::new(tree, box_pad),
             stack_bound: stack_bound(tree),
         }
@@ -257,7 +294,7 @@ impl Scene {
         Choices {
             traversal,
             original,
-            watertight: false,
+            watertight: !self.corners.is_empty(),
             conservative: false,
             robust_slabs: !original,
             sampler: SAMPLER_PCG,
@@ -270,7 +307,7 @@ impl Scene {
         Inputs {
             frame: &self.frame,
             triangles: &self.triangles,
-            corners: &[],
+            corners: &self.corners,
             tree: &self.tree,
             choices: self.choices(false),
         }

@@ -61,6 +61,8 @@ pub struct Plan<'a> {
     pub settings: Settings,
     pub tiles: Tiles,
     pub frame: Frame,
+    /// The largest coordinate that a ray's origin may have, device units: boxes are grown for that (see [`Self::with_reach`]).
+    pub reach: f64,
     /// Rows of `kernels.txt`, in the order of [`Passes`]' steps.
     pub kernels: Vec<&'static Kernel>,
     /// Specialization constants: (id, value).
@@ -108,6 +110,7 @@ impl<'a> Plan<'a> {
         }
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
+            reach: reach_of(&frame),
             frame,
             kernels,
             constants: vec![
@@ -136,6 +139,29 @@ impl<'a> Plan<'a> {
         };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
+    }
+
+    /// For rays that start farther away than those of the plan's own render, lists of them: no coordinate of an origin
+    /// exceeds `reach`, device units. The watertight intersector needs to know.
+    pub fn with_reach(mut self, reach: f64) -> Self {
+        if reach > self.reach {
+            self.reach = reach;
+            if self.corners.is_some() {
+                self.frame.box_pad = pack::watertight_pad(self.frame.largest, reach);
+            }
+        }
+        self
+    }
+
+    /// Refuses rays whose hits the boxes could lose.
+    pub fn check_reach(&self, reach: f64) -> Result<()> {
+        if self.corners.is_none() || reach <= self.reach {
+            return Ok(());
+        }
+        Err(Error::other(format!(
+            "Rays start {reach:e} device units from the scene's centre along an axis, and the plan was made for {:e} at most.",
+            self.reach
+        )))
     }
 
     /// With another value of a specialization constant.
@@ -388,14 +414,13 @@ fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> 
     frame_of(job, settings, scene, geometry, model)
 }
 
-/// By how much boxes are grown, so that a ray which passes a triangle as the watertight intersector sees it crosses its
-/// box. A corner c is sheared to within 8 e (L + R) of where it is across the ray, e = 2^-24, if no coordinate of
-/// the scene exceeds L and none of the ray's origin R: c - o and its product with the slope are rounded, the slope is off
-/// by 3 e, and so is their difference. Twice as much is granted.
-fn watertight_pad(geometry: &Geometry, reach: f64) -> f32 {
-    let largest = geometry.largest();
-    let pad = (largest + largest.max(reach as f32)) * 2f32.powi(-20);
-    if pad.is_finite() { pad } else { 0.0 }
+/// The largest coordinate of a point that a render's rays start from: the eye, or a point moved off its surface.
+fn reach_of(frame: &Frame) -> f64 {
+    let most = |v: [f32; 3]| f64::from(glam::Vec3::from(v).abs().max_element());
+    let eye = most(frame.origin)
+        + most(frame.origin_dx) * f64::from(frame.width)
+        + most(frame.origin_dy) * f64::from(frame.height);
+    eye.max(f64::from(frame.largest) + f64::from(frame.offset))
 }
 
 /// The frame of a render whose camera rays follow `model`.
@@ -420,7 +445,7 @@ pub fn frame_of(
         distance => distance,
     };
     let vector = |v: glam::DVec3| v.as_vec3().to_array();
-    Frame {
+    let mut frame = Frame {
         origin: vector(rays.origin[0]),
         camera_t_max: rays.t_max as f32,
         origin_dx: vector(rays.origin[1]),
@@ -436,16 +461,14 @@ pub fn frame_of(
         node_count: geometry.tree.nodes.len() as u32,
         triangle_count: geometry.triangles.len() as u32,
         pixel_shift: rays.pixel_shift as f32,
-        box_pad: match settings.intersector {
-            Intersector::Moller | Intersector::Conservative => geometry.box_pad,
-            Intersector::Watertight => {
-                let [at, dx, dy] = rays.origin.map(|v| v.abs().max_element());
-                watertight_pad(geometry, at + dx * f64::from(job.size.0) + dy * f64::from(job.size.1))
-            }
-        },
+        box_pad: geometry.box_pad,
         sample_base: job.samples.start,
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
         largest: geometry.largest(),
+    };
+    if settings.intersector == Intersector::Watertight {
+        frame.box_pad = pack::watertight_pad(frame.largest, reach_of(&frame));
     }
+    frame
 }

@@ -38,6 +38,12 @@ pub(super) fn trace_kernel(plan: &Plan<'_>) -> String {
     format!("trace/{}/{}", traversal_name(&plan.settings), plan.accessor_name())
 }
 
+/// The largest coordinate of an origin, for [`Plan::with_reach`]; places without a ray do not count.
+pub fn reach_of(rays: &[RayRecord]) -> f64 {
+    let there = rays.iter().filter(|ray| ray.t_max >= 0.0);
+    there.flat_map(|ray| ray.origin).fold(0f32, |most, at| most.max(at.abs())).into()
+}
+
 /// The range of a dispatch over a list of `count` rays.
 pub(super) fn range_of(plan: &Plan<'_>, count: u32, sample: u32, stage: u32) -> Range {
     Range {
@@ -86,8 +92,9 @@ impl<'a> RayLists<'a> {
         })
     }
 
-    /// What each ray hits. Fails if a ray does not come to its end.
+    /// What each ray hits. Fails if a ray does not come to its end, or starts beyond the plan's reach.
     pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
+        self.plan.check_reach(reach_of(rays))?;
         let kernel = trace_kernel(self.plan);
         let mut hits = Vec::with_capacity(rays.len());
         for piece in rays.chunks(MOST_RAYS) {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::auto;
 use super::plan::Plan;
-use super::raylist::{MOST_RAYS, Query, check_finished, range_of, trace_kernel};
+use super::raylist::{MOST_RAYS, Query, check_finished, range_of, reach_of, trace_kernel};
 use super::repeat::FrameCost;
 use super::stage::Uploaded;
 use super::tally::{KernelTime, Totals};
@@ -20,6 +20,8 @@ use crate::vk::{Access, Batch, Binding, Buffer, BufferUse, Device, Hazard, Pipel
 pub struct RaySet {
     pieces: Vec<Piece>,
     rays: u64,
+    /// The largest coordinate of an origin.
+    reach: f64,
 }
 
 struct Piece {
@@ -32,6 +34,7 @@ struct Piece {
 
 impl RaySet {
     pub fn new(device: &Device, rays: &[RayRecord]) -> Result<Self> {
+        let reach = reach_of(rays);
         let mut pieces = Vec::new();
         for piece in rays.chunks(MOST_RAYS) {
             pieces.push(Piece {
@@ -41,7 +44,7 @@ impl RaySet {
             });
         }
         let rays = pieces.iter().map(|piece| piece.asked).sum();
-        Ok(Self { pieces, rays })
+        Ok(Self { pieces, rays, reach })
     }
 
     /// How many rays there are.
@@ -66,7 +69,7 @@ pub struct Retraced<'a> {
 }
 
 impl<'a> Retraced<'a> {
-    /// `uploaded` must be the plan's.
+    /// `uploaded` must be the plan's, and the rays within its reach.
     pub fn new(
         device: &'a Device,
         plan: &'a Plan<'a>,
@@ -74,6 +77,7 @@ impl<'a> Retraced<'a> {
         set: &'a RaySet,
         query: Query,
     ) -> Result<Self> {
+        plan.check_reach(set.reach)?;
         let kernel = find_kernel(&trace_kernel(plan))?;
         auto::check_subgroup(kernel, device.adapter())?;
         let hits = |piece: &Piece| {

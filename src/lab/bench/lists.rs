@@ -13,7 +13,7 @@ use super::{Bench, Case, RayKind, Watch, has_reference, left_out};
 use crate::error::{Error, Result};
 use crate::layout::{HitRecord, NO_HIT, RayRecord, WORKGROUP_SIZE};
 use crate::render::plan::Plan;
-use crate::render::raylist::{Query, RayLists};
+use crate::render::raylist::{Query, RayLists, reach_of};
 use crate::render::retrace::{RaySet, Retraced};
 use crate::render::seeds::hash;
 use crate::render::stage::Uploads;
@@ -63,6 +63,8 @@ struct List<'a> {
     bench: &'a Bench<'a>,
     case: &'a Case<'a>,
     rays: Vec<RayRecord>,
+    /// The largest coordinate of an origin, device units.
+    reach: f64,
     /// By query; the rays that the reference traced, with their answers.
     answers: Vec<(Query, Vec<Option<Answer>>)>,
     /// All rays, once they were wanted.
@@ -94,8 +96,19 @@ pub fn measure(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Res
         Ok(rays) => rays,
         Err(error) => return left_out(watch, case, first.spec, error),
     };
-    let mut list =
-        List { bench, case, rays, answers: Vec::new(), whole: OnceCell::new(), uploads: RefCell::default() };
+    // They may start farther away than the camera.
+    let reach = reach_of(&rays);
+    let planned: Vec<_> =
+        planned.into_iter().map(|row| Planned { plan: row.plan.with_reach(reach), ..row }).collect();
+    let mut list = List {
+        bench,
+        case,
+        rays,
+        reach,
+        answers: Vec::new(),
+        whole: OnceCell::new(),
+        uploads: RefCell::default(),
+    };
     for &query in queries {
         watch.progress("reference", 0, planned.len());
         match list.reference(query, watch) {
@@ -212,7 +225,7 @@ impl List<'_> {
                 &built
             }
         };
-        let plan = plan_of(self.bench, self.case, &spec, geometry)?;
+        let plan = plan_of(self.bench, self.case, &spec, geometry)?.with_reach(self.reach);
         let spans = self.spans(&plan, query)?;
         let set = self.set(&spans)?;
         let (mut frames, _) = self.retraced(&plan, &set, query)?;

@@ -10,7 +10,7 @@ use crate::render::execute::{self, Outcome};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
-use crate::render::raylist::{Query, RayLists};
+use crate::render::raylist::{Query, RayLists, reach_of};
 use crate::render::rounds::Goal;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
@@ -80,7 +80,8 @@ impl Lab<'_> {
 
     /// What each ray meets.
     pub(super) fn trace(&self, plan: &Plan<'_>, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
-        RayLists::new(self.device, plan)?.trace(query, rays)
+        let plan = plan.clone().with_reach(reach_of(rays));
+        RayLists::new(self.device, &plan)?.trace(query, rays)
     }
 
     /// Kernel times of frames of four rays from the scene's usual view with these choices, each over that of the first:

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::lab::scenes::scene_of;
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
-use crate::reference::exact::{Rules, Truth};
+use crate::reference::exact::{Rules, Shapes, Truth};
 use crate::render::auto::choose_builder;
 use crate::render::choices::{Intersector, Method, Slabs, Wishes};
 use crate::render::geometry::Geometry;
@@ -122,7 +122,7 @@ impl Lattice {
         let triangles = &lattice.geometry.triangles;
         lattice.rays = (0..count).map(|i| ray(triangles, i, lab.seed)).collect();
         let rules = Rules { box_pad: lattice.geometry.box_pad, robust_slabs: true };
-        let truth = Truth { triangles, rules };
+        let truth = Truth { triangles: Shapes::Edges(triangles), rules };
         let farthest = |ray| truth.closest(ray).certain.map(|(_, meeting)| meeting.t + meeting.t_error);
         lattice.farthest = lattice.rays.par_iter().map(farthest).collect();
         Ok(lattice)

@@ -26,6 +26,19 @@ impl Bounded {
         self.value == 0.0 && self.error == 0.0
     }
 
+    /// By 1 or -1.
+    pub fn times(self, sign: f64) -> Self {
+        Self { value: self.value * sign, ..self }
+    }
+
+    /// How far off the f32 quotient by the absolute value of `det` may be, whose own rounding is `more` of it. `det` is further
+    /// from zero than its error.
+    pub fn quotient_error(self, det: Self, more: f64) -> f64 {
+        let size = det.value.abs();
+        let quotient = self.value.abs() / size;
+        SPARE * ((self.error + quotient * det.error) / (size - det.error) + more * quotient + TINY)
+    }
+
     /// Distance above zero in units of the error; `at_zero` where it is zero for certain.
     pub fn margin(self, at_zero: f64) -> f64 {
         if self.is_zero() { at_zero } else { self.value / self.error }

@@ -97,7 +97,7 @@ fn a_hit_is_where_the_geometry_says() {
 fn accepts_the_right_answer_and_no_other() {
     let behind = triangle(3, Vec3::new(0.0, 0.0, -1.0), Vec3::X, Vec3::Y);
     let triangles = [behind, right_angle()];
-    let truth = Truth { triangles: &triangles, rules: RULES };
+    let truth = Truth { triangles: Shapes::Edges(&triangles), rules: RULES };
     let ray = down(0.25, 0.5, 100.0);
     let exact = truth.closest(&ray);
     assert_eq!(exact.certain.map(|(candidate, _)| (candidate.index, candidate.id)), Some((1, 7)));
@@ -125,7 +125,7 @@ fn accepts_the_right_answer_and_no_other() {
 #[test]
 fn ties_and_edges_leave_a_choice() {
     let triangles = [right_angle(), right_angle(), triangle(9, Vec3::ZERO, Vec3::Y, Vec3::NEG_X)];
-    let truth = Truth { triangles: &triangles, rules: RULES };
+    let truth = Truth { triangles: Shapes::Edges(&triangles), rules: RULES };
     let tied = truth.closest(&down(0.25, 0.5, 9.0));
     assert_eq!(tied.gap, 0.0);
     for index in [0, 1] {
@@ -143,7 +143,7 @@ fn ties_and_edges_leave_a_choice() {
 #[test]
 fn any_hit_needs_one_certain_hit() {
     let triangles = [right_angle()];
-    let truth = Truth { triangles: &triangles, rules: RULES };
+    let truth = Truth { triangles: Shapes::Edges(&triangles), rules: RULES };
     let (met, escaped) = (HitRecord::default(), HitRecord { index: NO_HIT, ..HitRecord::default() });
     for (x, may_meet, may_escape) in [(0.25, true, false), (0.0, true, true), (-0.25, false, true)] {
         let exact = truth.any(&slanted(x, 0.5, 9.0));
