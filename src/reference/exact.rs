@@ -23,6 +23,8 @@
 //! The watertight intersector is followed in the same way, corner by corner ([`crossing`]): its decisions are exact, but about
 //! corners that were moved when they were sheared.
 //!
+//! The conservative intersector is that of Möller and Trumbore, but takes weights that are a granted error below zero.
+//!
 //! This judges the guarded intersectors; the original's has no bound (its roundings are the driver's).
 
 mod bounded;
@@ -30,7 +32,7 @@ mod crossing;
 #[cfg(test)]
 mod tests;
 
-use bounded::{E, SPARE, TINY};
+use bounded::{Bounded, E, SPARE, TINY};
 use crossing::{Crossing, crossing_of};
 pub use crossing::{Shape, Shapes};
 
@@ -100,7 +102,7 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
         // det or u is NaN, and every comparison of the shader is false.
         return Verdict::Miss { margin: f64::INFINITY };
     }
-    let Crossing { det, weights, t, t_error, t_margin } = match crossing_of(ray, triangle) {
+    let Crossing { det, weights, granted, t, t_error, t_margin } = match crossing_of(ray, triangle) {
         crossing::Found::Crossing(crossing) => crossing,
         crossing::Found::Never => return Verdict::Miss { margin: f64::INFINITY },
         crossing::Found::Overflows => return Verdict::Doubtful(None),
@@ -113,16 +115,22 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
     if size - det.error <= smallest {
         // The side is unknown, but on neither can a weight exceed det.
         let margin = weights
-            .map(|weight| (weight.value.abs() - size) / (weight.error + det.error))
-            .into_iter()
+            .iter()
+            .zip(granted)
+            .map(|(weight, granted)| (weight.value.abs() - size - granted) / (weight.error + det.error))
             .fold(f64::NEG_INFINITY, f64::max);
         return if margin > 1.0 { Verdict::Miss { margin } } else { Verdict::Doubtful(None) };
     }
     let weights = weights.map(|weight| weight.times(det.value.signum()));
     let [_, u, v] = weights;
-    let inside = weights.map(|weight| weight.margin(f64::INFINITY));
+    // What is granted is off by some roundings of its own.
+    let margin_of = |(weight, granted): (&Bounded, f64)| {
+        let weight = Bounded { value: weight.value + granted, error: weight.error + 1e-5 * granted };
+        weight.margin(f64::INFINITY)
+    };
+    let inside = weights.iter().zip(granted).map(margin_of);
     let least =
-        inside.into_iter().chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
+        inside.chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
     if least < -1.0 {
         return Verdict::Miss { margin: -least };
     }
@@ -131,8 +139,9 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
         u: u.value / size,
         v: v.value / size,
         t_error: t_error + SPARE * (EIGHT_ULP * t.abs() + TINY),
-        u_error: u.quotient_error(det, 3.0 * E),
-        v_error: v.quotient_error(det, 3.0 * E),
+        // The point is brought into the triangle.
+        u_error: u.quotient_error(det, 3.0 * E) + granted[1] / size,
+        v_error: v.quotient_error(det, 3.0 * E) + granted.iter().sum::<f64>() / size,
         margin: least,
     };
     within_reach(ray, &triangle.edges(), rules, meeting)
@@ -230,9 +239,10 @@ pub struct Truth<'a> {
 impl<'a> Truth<'a> {
     pub fn of(inputs: &Inputs<'a>) -> Self {
         let rules = Rules { box_pad: inputs.frame.box_pad, robust_slabs: inputs.choices.robust_slabs };
-        let triangles = match inputs.choices.watertight {
-            true => Shapes::Corners(inputs.corners),
-            false => Shapes::Edges(inputs.triangles),
+        let triangles = match (inputs.choices.watertight, inputs.choices.conservative) {
+            (true, _) => Shapes::Corners(inputs.corners),
+            (_, true) => Shapes::Conservative(inputs.triangles),
+            _ => Shapes::Edges(inputs.triangles),
         };
         Self { triangles, rules }
     }

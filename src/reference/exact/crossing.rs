@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::bounded::{Bounded, E, SPARE, Vector, cross, dot, largest};
 use crate::layout::{Corners, RayRecord, Triangle};
+use crate::reference::intersect::error_of;
 use crate::reference::watertight::{LARGEST_DIRECTION, SMALLEST_DIRECTION, axis_of, edges_of};
 
 /// 2^120: products beyond this may overflow in f32, where three of them are added.
@@ -14,6 +15,8 @@ const HUGE: f64 = 1.329_227_995_784_916e36;
 pub enum Shape<'a> {
     /// Möller and Trumbore.
     Edges(&'a Triangle),
+    /// Möller and Trumbore within their errors.
+    Conservative(&'a Triangle),
     /// Watertight.
     Corners(&'a Corners),
 }
@@ -21,7 +24,7 @@ pub enum Shape<'a> {
 impl Shape<'_> {
     pub fn id(self) -> u32 {
         match self {
-            Self::Edges(triangle) => triangle.id,
+            Self::Edges(triangle) | Self::Conservative(triangle) => triangle.id,
             Self::Corners(corners) => corners.id,
         }
     }
@@ -29,7 +32,7 @@ impl Shape<'_> {
     /// By its edges, of which its box is made.
     pub fn edges(self) -> Triangle {
         match self {
-            Self::Edges(triangle) => *triangle,
+            Self::Edges(triangle) | Self::Conservative(triangle) => *triangle,
             Self::Corners(corners) => edges_of(corners),
         }
     }
@@ -51,16 +54,21 @@ impl<'a> From<&'a Corners> for Shape<'a> {
 #[derive(Clone, Copy, Debug)]
 pub enum Shapes<'a> {
     Edges(&'a [Triangle]),
+    Conservative(&'a [Triangle]),
     Corners(&'a [Corners]),
 }
 
 impl<'a> Shapes<'a> {
     pub fn iter(self) -> impl Iterator<Item = Shape<'a>> {
         let (edges, corners): (&[Triangle], &[Corners]) = match self {
-            Self::Edges(edges) => (edges, &[]),
+            Self::Edges(edges) | Self::Conservative(edges) => (edges, &[]),
             Self::Corners(corners) => (&[], corners),
         };
-        edges.iter().map(Shape::Edges).chain(corners.iter().map(Shape::Corners))
+        let shape = match self {
+            Self::Conservative(_) => Shape::Conservative,
+            _ => Shape::Edges,
+        };
+        edges.iter().map(shape).chain(corners.iter().map(Shape::Corners))
     }
 }
 
@@ -70,6 +78,8 @@ pub struct Crossing {
     pub det: Bounded,
     /// The corners' barycentric coordinates times det: a hit has all of det's sign, or zero.
     pub weights: [Bounded; 3],
+    /// How far each may be on the wrong side of zero and still be taken: what the conservative intersector grants.
+    pub granted: [f64; 3],
     /// Where, in units of the direction, and by how much an f32 quotient may differ, if det is certain.
     pub t: f64,
     pub t_error: f64,
@@ -87,13 +97,14 @@ pub enum Found {
 
 pub fn crossing_of(ray: &RayRecord, triangle: Shape<'_>) -> Found {
     match triangle {
-        Shape::Edges(triangle) => of_edges(ray, triangle),
+        Shape::Edges(triangle) => of_edges(ray, triangle, false),
+        Shape::Conservative(triangle) => of_edges(ray, triangle, true),
         Shape::Corners(corners) => of_corners(ray, corners),
     }
 }
 
 /// Möller–Trumbore.
-fn of_edges(ray: &RayRecord, triangle: &Triangle) -> Found {
+fn of_edges(ray: &RayRecord, triangle: &Triangle, conservative: bool) -> Found {
     let [o, d, a, ab, ac] = [ray.origin, ray.direction, triangle.a, triangle.ab, triangle.ac]
         .map(|vector| vector.map(Bounded::exact));
     let s = [o[0] - a[0], o[1] - a[1], o[2] - a[2]];
@@ -110,13 +121,27 @@ fn of_edges(ray: &RayRecord, triangle: &Triangle) -> Found {
         value: det.value - u.value - v.value,
         error: sum_error + det.error + E * ((u.value + v.value).abs() + sum_error),
     };
+    let granted = match conservative {
+        true => granted(ray, triangle),
+        false => [0.0; 3],
+    };
     Found::Crossing(Crossing {
         det,
         weights: [first, u, v],
+        granted,
         t: t.value / det.value.abs(),
         t_error: t.quotient_error(det, 3.0 * E),
         t_margin: t.margin(f64::NEG_INFINITY),
     })
+}
+
+/// What the conservative intersector grants to the weights of the first, second and third corner.
+fn granted(ray: &RayRecord, triangle: &Triangle) -> [f64; 3] {
+    let error = f64::from(error_of(Vec3::from(ray.direction)));
+    let s = Vec3::from(ray.origin).as_dvec3() - Vec3::from(triangle.a).as_dvec3();
+    let error_s = error * s.abs().max_element();
+    let [ab, ac] = [triangle.ab_sum, triangle.ac_sum].map(f64::from);
+    [error_s * (ab + ac) + error * ab * ac, error_s * ac, error_s * ab]
 }
 
 /// Watertight. Running error analysis goes as far as the weights, which are within their bounds of those of the very corners.
@@ -163,5 +188,5 @@ fn of_corners(ray: &RayRecord, corners: &Corners) -> Found {
     let moved = (0..3).map(|i| weights[i].error * (z[i].value - mean).abs()).sum::<f64>();
     let t = mean / along;
     let t_error = SPARE * (moved / (det.value.abs() - det.error) + 12.0 * E * deepest) / along.abs();
-    Found::Crossing(Crossing { det, weights, t, t_error, t_margin: t / t_error })
+    Found::Crossing(Crossing { det, weights, granted: [0.0; 3], t, t_error, t_margin: t / t_error })
 }
