@@ -121,7 +121,8 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
     let weights = weights.map(|weight| weight.times(det.value.signum()));
     let [_, u, v] = weights;
     let inside = weights.map(|weight| weight.margin(f64::INFINITY));
-    let least = inside.into_iter().chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
+    let least =
+        inside.into_iter().chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
     if least < -1.0 {
         return Verdict::Miss { margin: -least };
     }

@@ -174,7 +174,9 @@ mod tests {
                     Verdict::Doubtful(_) => doubtful += 1,
                 }
             }
-            println!("{kind:?}, watertight {watertight}: {hits} certain hits, {doubtful} doubtful of {count}");
+            println!(
+                "{kind:?}, watertight {watertight}: {hits} certain hits, {doubtful} doubtful of {count}"
+            );
             assert!(hits > count / 20, "{kind:?}: too few hits to prove anything");
             assert!(doubtful < count * 2 / 3, "{kind:?}: the bound decides too little");
         }

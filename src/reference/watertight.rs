@@ -115,7 +115,13 @@ fn edge_side(p: Vec2, q: Vec2) -> f32 {
 /// The triangle by its edges, as `scene::condition` rounds them.
 pub fn edges_of(corners: &Corners) -> Triangle {
     let [a, b, c] = [corners.a, corners.b, corners.c].map(Vec3::from);
-    Triangle { a: corners.a, id: corners.id, ab: (b - a).to_array(), ac: (c - a).to_array(), ..Triangle::default() }
+    Triangle {
+        a: corners.a,
+        id: corners.id,
+        ab: (b - a).to_array(),
+        ac: (c - a).to_array(),
+        ..Triangle::default()
+    }
 }
 
 /// [det, t det, u det, v det] of a hit: the distance in units of the direction, and barycentric coordinates of the second

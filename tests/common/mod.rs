@@ -106,6 +106,9 @@ pub fn plan_decided<'a>(
     Plan::new(job, scene, geometry, decision, &device.adapter().limits).expect("a plan")
 }
 
+/// Both tests against triangles whose hits do not depend on method or tree.
+pub const INTERSECTORS: [Intersector; 2] = [Intersector::Moller, Intersector::Watertight];
+
 /// The same wishes with each method and accessor.
 pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> Vec<Decision> {
     let mut decisions = Vec::new();

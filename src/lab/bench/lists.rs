@@ -100,8 +100,15 @@ pub fn measure(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Res
     let reach = reach_of(&rays);
     let planned: Vec<_> =
         planned.into_iter().map(|row| Planned { plan: row.plan.with_reach(reach), ..row }).collect();
-    let mut list =
-        List { bench, case, rays, reach, answers: Vec::new(), whole: OnceCell::new(), uploads: RefCell::default() };
+    let mut list = List {
+        bench,
+        case,
+        rays,
+        reach,
+        answers: Vec::new(),
+        whole: OnceCell::new(),
+        uploads: RefCell::default(),
+    };
     for &query in queries {
         watch.progress("reference", 0, planned.len());
         match list.reference(query, watch) {

@@ -145,7 +145,10 @@ fn of_corners(ray: &RayRecord, corners: &Corners) -> Found {
         return Found::Never;
     }
     let deepest = largest(z);
-    let widest = [a, b, c].map(|corner| corner[0].value.abs().max(corner[1].value.abs())).into_iter().fold(0.0, f64::max);
+    let widest = [a, b, c]
+        .map(|corner| corner[0].value.abs().max(corner[1].value.abs()))
+        .into_iter()
+        .fold(0.0, f64::max);
     if widest * widest * deepest.max(1.0) > HUGE / 16.0 {
         return Found::Overflows;
     }
@@ -159,7 +162,6 @@ fn of_corners(ray: &RayRecord, corners: &Corners) -> Found {
     let mean = (0..3).map(|i| weights[i].value * z[i].value).sum::<f64>() / det.value;
     let moved = (0..3).map(|i| weights[i].error * (z[i].value - mean).abs()).sum::<f64>();
     let t = mean / along;
-    let t_error =
-        SPARE * (moved / (det.value.abs() - det.error) + 12.0 * E * deepest) / along.abs();
+    let t_error = SPARE * (moved / (det.value.abs() - det.error) + 12.0 * E * deepest) / along.abs();
     Found::Crossing(Crossing { det, weights, t, t_error, t_margin: t / t_error })
 }

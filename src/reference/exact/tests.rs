@@ -97,7 +97,9 @@ fn a_hit_is_where_the_geometry_says() {
         let ray =
             RayRecord { origin: origin.to_array(), direction: direction.to_array(), ..down(0.0, 0.0, 9.0) };
         let [b, c] = [corners.b, corners.c].map(|corner| Vec3::from(corner).as_dvec3() - a.as_dvec3());
-        for (verdict, [ab, ac]) in verdicts(&ray, &target).into_iter().zip([[ab, ac].map(|v| v.as_dvec3()), [b, c]]) {
+        for (verdict, [ab, ac]) in
+            verdicts(&ray, &target).into_iter().zip([[ab, ac].map(|v| v.as_dvec3()), [b, c]])
+        {
             let Verdict::Hit(meeting) = verdict else { continue };
             certain += 1;
             // Independent of Möller–Trumbore: the ray's point is the triangle's.

@@ -117,7 +117,12 @@ fn answers_are_those_of_exact_arithmetic() {
             truth.any(ray).accepts(&any[i]).unwrap_or_else(|e| panic!("{kind:?} {ray:?}: {e}"));
             certain += u32::from(exact.edge_margin > 1.0);
         }
-        println!("{kind:?} {} watertight {}: {certain} of {} rays are certain", triangles.len(), inputs.choices.watertight, rays.len());
+        println!(
+            "{kind:?} {} watertight {}: {certain} of {} rays are certain",
+            triangles.len(),
+            inputs.choices.watertight,
+            rays.len()
+        );
         assert!(certain > 60, "{kind:?}: only {certain} rays prove anything");
     });
 }

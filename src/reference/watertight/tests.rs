@@ -63,7 +63,10 @@ fn sides_of_an_edge_are_exact_and_opposite_for_its_neighbours() {
         let exact = exact_area(p, q);
         let (side, area) = (edge_side(p, q), edge_area(p, q));
         assert_eq!(side.partial_cmp(&0.0), exact.partial_cmp(&0.0), "{p} {q}: {side:e}, exactly {exact:e}");
-        assert!((f64::from(area) - exact).abs() <= 3.0 * E * exact.abs(), "{p} {q}: {area:e}, exactly {exact:e}");
+        assert!(
+            (f64::from(area) - exact).abs() <= 3.0 * E * exact.abs(),
+            "{p} {q}: {area:e}, exactly {exact:e}"
+        );
         assert_eq!(side, -edge_side(q, p));
         close += u32::from(exact != 0.0 && p.x * q.y == p.y * q.x);
         zero += u32::from(exact == 0.0);
@@ -138,7 +141,8 @@ impl Closed {
 }
 
 fn cube() -> (Vec<DVec3>, Vec<[usize; 3]>) {
-    let corners = (0..8).map(|i| DVec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| f64::from(2 * bit - 1)))).collect();
+    let corners =
+        (0..8).map(|i| DVec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| f64::from(2 * bit - 1)))).collect();
     let quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
     let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     (corners, triangles)
@@ -261,11 +265,14 @@ fn no_ray_leaks_out_of_a_closed_mesh() {
         for _ in 0..(20_000_000 / corners.len()).min(100_000) {
             let ray = ray_at_the_rim(&mut random, &mesh);
             let slabs = slabs_of(&ray, true);
-            let met = corners.iter().any(|one| intersect_watertight(&ray, &slabs, one, pad, f32::MAX).is_some());
+            let met =
+                corners.iter().any(|one| intersect_watertight(&ray, &slabs, one, pad, f32::MAX).is_some());
             assert!(met, "{}: {ray:?} got out", mesh.name);
             rays += 1;
             leaks_of_moller += u32::from(
-                !triangles.iter().any(|one| intersect_moller(&ray, &slabs, one, moller_pad, f32::MAX).is_some()),
+                !triangles
+                    .iter()
+                    .any(|one| intersect_moller(&ray, &slabs, one, moller_pad, f32::MAX).is_some()),
             );
         }
     }
@@ -319,7 +326,10 @@ fn no_hit_is_lost_to_the_triangle_s_own_box() {
                 let guarded = |pad| intersect_watertight(&ray, &slabs, one, pad, f32::MAX);
                 assert!(guarded(pad).is_some(), "{kind:?} to {reach}: {ray:?} {one:?}");
                 if guarded(pad * worst as f32).is_none() {
-                    worst = (1..=100).map(|i| f64::from(i) / 100.0).find(|&part| guarded(pad * part as f32).is_some()).unwrap_or(1.0);
+                    worst = (1..=100)
+                        .map(|i| f64::from(i) / 100.0)
+                        .find(|&part| guarded(pad * part as f32).is_some())
+                        .unwrap_or(1.0);
                 }
             }
         }
