@@ -158,6 +158,10 @@ fn camera_hits_agree_with(device: &Device, scene: &Scene, geometries: &[Geometry
     let mut first: Option<Vec<[u32; 4]>> = None;
     for (place, geometry) in geometries.iter().enumerate() {
         for method in 0..METHODS {
+            // The watertight one with each method and each builder once or twice.
+            if intersector == Intersector::Watertight && method % geometries.len() != place {
+                continue;
+            }
             let accessor = ACCESSORS[(place + method) % ACCESSORS.len()];
             let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
             let decision = decide(device, geometry, method, wishes, accessor);
