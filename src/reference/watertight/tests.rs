@@ -406,6 +406,10 @@ fn directions_that_lead_nowhere_meet_nothing() {
         let corners = Corners { b: [wrong, 0.0, 0.0], ..right_angle() };
         assert_eq!(answer(&down, &corners), None);
     }
+    let huge = 1.5e19;
+    let corners = Corners { b: [huge, 0.0, 0.0], c: [0.0, huge, 0.0], ..right_angle() };
+    let middle = Ray { origin: Vec3::new(0.25 * huge, 0.25 * huge, 1.0), ..down };
+    assert_eq!(answer(&middle, &corners), None, "a determinant without a reciprocal");
 }
 
 /// In the plane exactly there is nothing across the ray to meet; beside it by rounding, a hit lies on the triangle.
