@@ -4,10 +4,10 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use common::{job, plan_decided, run, scene_named, with_device};
+use common::{INTERSECTORS, job, plan_decided, run, scene_named, with_device};
 use cousu::bvh::Builder;
 use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Accumulator, Method, Passes, Sampler, Wishes};
+use cousu::render::choices::{Accumulator, Intersector, Method, Passes, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::raylist::{Query, RayLists};
@@ -31,24 +31,30 @@ const SUMS: [(Accumulator, Sampler); 8] = [
 ];
 const METHODS: usize = 8;
 
+/// Method, builder, passes, accessor, accumulator with sampler, intersector.
+const FACTORS: usize = 6;
+
 /// A choice of each factor.
-type Combination = [usize; 5];
+type Combination = [usize; FACTORS];
+
+const SIZES: Combination =
+    [METHODS, BUILDERS.len(), PASSES.len(), ACCESSORS.len(), SUMS.len(), INTERSECTORS.len()];
 
 /// Combinations in which every pair of choices of two factors stands at least once, greedily: each takes the first
 /// pair that is missing and fills its other factors so as to cover as many more as it can.
 fn all_pairs(sizes: Combination) -> Vec<Combination> {
     let mut missing = BTreeSet::new();
-    for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+    for (a, b) in (0..FACTORS).flat_map(|a| (a + 1..FACTORS).map(move |b| (a, b))) {
         for (x, y) in (0..sizes[a]).flat_map(|x| (0..sizes[b]).map(move |y| (x, y))) {
             missing.insert((a, b, x, y));
         }
     }
     let mut combinations = Vec::new();
     while let Some(&(a, b, x, y)) = missing.first() {
-        let mut chosen: [Option<usize>; 5] = [None; 5];
+        let mut chosen: [Option<usize>; FACTORS] = [None; FACTORS];
         chosen[a] = Some(x);
         chosen[b] = Some(y);
-        for factor in 0..5 {
+        for factor in 0..FACTORS {
             if chosen[factor].is_none() {
                 let covers = |choice: usize| {
                     let new = |other: usize| {
@@ -61,7 +67,7 @@ fn all_pairs(sizes: Combination) -> Vec<Combination> {
                             missing.contains(&pair)
                         })
                     };
-                    (0..5).filter(|&other| other != factor && new(other)).count()
+                    (0..FACTORS).filter(|&other| other != factor && new(other)).count()
                 };
                 // Of equals another one each time.
                 let start = combinations.len();
@@ -70,7 +76,7 @@ fn all_pairs(sizes: Combination) -> Vec<Combination> {
             }
         }
         let combination = chosen.map(|choice| choice.unwrap_or(0));
-        for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+        for (a, b) in (0..FACTORS).flat_map(|a| (a + 1..FACTORS).map(move |b| (a, b))) {
             missing.remove(&(a, b, combination[a], combination[b]));
         }
         combinations.push(combination);
@@ -80,15 +86,14 @@ fn all_pairs(sizes: Combination) -> Vec<Combination> {
 
 #[test]
 fn the_combinations_hold_all_pairs() {
-    let sizes = [METHODS, BUILDERS.len(), PASSES.len(), ACCESSORS.len(), SUMS.len()];
-    let combinations = all_pairs(sizes);
+    let combinations = all_pairs(SIZES);
     let mut seen = BTreeSet::new();
     for combination in &combinations {
-        for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+        for (a, b) in (0..FACTORS).flat_map(|a| (a + 1..FACTORS).map(move |b| (a, b))) {
             seen.insert((a, b, combination[a], combination[b]));
         }
     }
-    let pairs: usize = (0..5).flat_map(|a| (a + 1..5).map(move |b| sizes[a] * sizes[b])).sum();
+    let pairs: usize = (0..FACTORS).flat_map(|a| (a + 1..FACTORS).map(move |b| SIZES[a] * SIZES[b])).sum();
     assert_eq!(seen.len(), pairs);
     assert!(combinations.len() < 80, "{}", combinations.len());
 }
@@ -112,14 +117,15 @@ fn decide(
 
 fn counts_agree(device: &Device, scene: &Scene) {
     let geometries = geometries(scene);
-    let mut first: BTreeMap<usize, (Combination, Accumulated)> = BTreeMap::new();
-    for combination in all_pairs([METHODS, BUILDERS.len(), PASSES.len(), ACCESSORS.len(), SUMS.len()]) {
-        let [method, builder, passes, accessor, sum] = combination;
+    let mut first: BTreeMap<(usize, usize), (Combination, Accumulated)> = BTreeMap::new();
+    for combination in all_pairs(SIZES) {
+        let [method, builder, passes, accessor, sum, intersector] = combination;
         let (accumulator, sampler) = SUMS[sum];
         let wishes = Wishes {
             passes: Some(PASSES[passes]),
             accumulator: Some(accumulator),
             sampler: Some(sampler),
+            intersector: Some(INTERSECTORS[intersector]),
             ..Wishes::default()
         };
         let decision = decide(device, &geometries[builder], method, wishes, ACCESSORS[accessor]);
@@ -128,25 +134,37 @@ fn counts_agree(device: &Device, scene: &Scene) {
         let what = || format!("{}: {:?} on {}", scene.path, decision.settings, BUILDERS[builder]);
         assert_eq!((outcome.overflowed_rays, outcome.repeats), (0, 0), "{}", what());
         assert!(outcome.ambient_rays > 500, "{}: the camera sees too little", what());
-        match first.get(&sum) {
+        match first.get(&(sum, intersector)) {
             None => {
-                first.insert(sum, (combination, outcome.accumulated));
+                first.insert((sum, intersector), (combination, outcome.accumulated));
             }
             Some((other, accumulated)) => {
                 assert!(*accumulated == outcome.accumulated, "{} differs from {other:?}", what());
             }
         }
     }
-    assert_eq!(first.len(), SUMS.len());
+    assert_eq!(first.len(), SUMS.len() * INTERSECTORS.len());
 }
 
 /// Distance, barycentric coordinates and triangle of each camera ray's closest hit, whatever tree and method.
 fn camera_hits_agree(device: &Device, scene: &Scene) {
+    let geometries = geometries(scene);
+    for intersector in INTERSECTORS {
+        camera_hits_agree_with(device, scene, &geometries, intersector);
+    }
+}
+
+fn camera_hits_agree_with(device: &Device, scene: &Scene, geometries: &[Geometry], intersector: Intersector) {
     let mut first: Option<Vec<[u32; 4]>> = None;
-    for (place, geometry) in geometries(scene).iter().enumerate() {
+    for (place, geometry) in geometries.iter().enumerate() {
         for method in 0..METHODS {
+            // The others with each method and each builder once or twice.
+            if intersector != Intersector::Moller && method % geometries.len() != place {
+                continue;
+            }
             let accessor = ACCESSORS[(place + method) % ACCESSORS.len()];
-            let decision = decide(device, geometry, method, Wishes::default(), accessor);
+            let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
+            let decision = decide(device, geometry, method, wishes, accessor);
             let plan = plan_decided(device, scene, geometry, job(scene, SIZE, 0..1), &decision);
             let lists = RayLists::new(device, &plan).unwrap();
             let hits = lists.trace(Query::Closest, &lists.camera_rays().unwrap()).unwrap();
@@ -159,7 +177,8 @@ fn camera_hits_agree(device: &Device, scene: &Scene) {
                 None => first = Some(named),
                 Some(expected) => {
                     let apart = expected.iter().zip(&named).filter(|(a, b)| a != b).count();
-                    let what = format!("{}: {} on {}", scene.path, plan.settings.method, geometry.builder);
+                    let method = plan.settings.method;
+                    let what = format!("{}: {method} on {} with {intersector}", scene.path, geometry.builder);
                     assert_eq!(apart, 0, "{what}: so many of {} hits differ", named.len());
                 }
             }

@@ -4,7 +4,7 @@ mod common;
 
 use common::{every_traversal, geometry, job, plan_decided, run, scene_of, with_device};
 use cousu::layout::Count;
-use cousu::render::choices::{Offset, Passes, Preset, Wishes};
+use cousu::render::choices::{Intersector, Offset, Passes, Preset, Wishes};
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
 use cousu::scene::camera::Camera;
@@ -34,9 +34,23 @@ fn a_ceiling_within_reach_occludes_by_its_closed_form() {
         for distance in [0.9 * (HEIGHT - offset), 1.25, 2.0, 8.0] {
             let expected = ((HEIGHT - offset) / distance).powi(2).min(1.0);
             let mut first: Option<Vec<Count>> = None;
-            for passes in [Passes::Single, Passes::Split, Passes::Staged] {
-                let wishes =
-                    Wishes { passes: Some(passes), offset: Some(Offset::Scaled), ..Wishes::default() };
+            // Rays that pass no edge see the same with all intersectors.
+            for (passes, intersector) in [
+                (Passes::Single, Intersector::Moller),
+                (Passes::Split, Intersector::Moller),
+                (Passes::Staged, Intersector::Moller),
+                (Passes::Split, Intersector::Watertight),
+                (Passes::Split, Intersector::Conservative),
+            ] {
+                if intersector != Intersector::Moller && distance != 2.0 {
+                    continue;
+                }
+                let wishes = Wishes {
+                    passes: Some(passes),
+                    offset: Some(Offset::Scaled),
+                    intersector: Some(intersector),
+                    ..Wishes::default()
+                };
                 for decision in every_traversal(wishes, &geometry, device) {
                     let job = Job { camera, max_distance: Some(distance), ..job(&scene, (32, 20), 0..64) };
                     let plan = plan_decided(device, &scene, &geometry, job, &decision);

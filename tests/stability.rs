@@ -38,7 +38,8 @@ fn check(row: &Value) {
     assert_eq!(verdict == "survives", number("failures") == 0 && number("trials") > 0, "{row}");
     assert!(row["gpu_ms_ratio"].is_null() || row["gpu_ms_ratio"].as_f64().unwrap() > 0.0, "{row}");
     assert!(!row["note"].as_str().unwrap_or("").contains("could not be run"), "{row}");
-    let sum = |key: &str| row["cases"].as_array().unwrap().iter().map(|case| case[key].as_u64().unwrap()).sum();
+    let sum =
+        |key: &str| row["cases"].as_array().unwrap().iter().map(|case| case[key].as_u64().unwrap()).sum();
     assert_eq!((number("trials"), number("failures")), (sum("trials"), sum("failures")), "{row}");
 }
 
@@ -59,8 +60,12 @@ const EXPERIMENTS: [&str; 11] = [
 #[test]
 fn every_experiment_has_its_rows_and_auto_survives_all_of_them() {
     let (json, folder) = matrix(&[]);
-    let told: Vec<&str> =
-        json["experiments"].as_array().unwrap().iter().map(|told| told["experiment"].as_str().unwrap()).collect();
+    let told: Vec<&str> = json["experiments"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|told| told["experiment"].as_str().unwrap())
+        .collect();
     assert_eq!(told, EXPERIMENTS);
     for experiment in EXPERIMENTS {
         let rows = rows(&json, experiment);

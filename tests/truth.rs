@@ -3,17 +3,17 @@
 mod common;
 
 use common::{
-    Twin, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named,
-    scene_of, with_device,
+    INTERSECTORS, Twin, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from,
+    scene_named, scene_of, with_device,
 };
-use cousu::layout::{Count, HitRecord, RayRecord};
+use cousu::layout::{Count, HitRecord, NO_HIT, RayRecord};
 use cousu::reference;
 use cousu::reference::exact::Truth;
-use cousu::render::choices::{Accumulator, Method, Offset, Preset, Sampler, Wishes};
+use cousu::render::choices::{Accumulator, Intersector, Method, Offset, Preset, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
-use cousu::render::raylist::{Query, RayLists};
+use cousu::render::raylist::{Query, RayLists, reach_of};
 use cousu::render::seeds::{hash, lcg_seeds};
 use cousu::scene::{Mesh, Scene, obj};
 use cousu::vk::{Device, DeviceKind};
@@ -37,13 +37,17 @@ fn a_lone_plane_gives_1_however_it_is_seen() {
         let scene = scene_of("v -9 0 -9\nv 9 0 -9\nv 9 0 9\nv -9 0 9\nf 4 3 2 1\n");
         let geometry = geometry(&scene, Preset::Auto);
         for eye in [[0.1, 5.0, 0.2], [3.0, 0.01, 8.0], [1.0, -4.0, 2.0]] {
-            for offset in [Offset::Scaled, Offset::Ulp] {
+            for (offset, intersector) in [Offset::Scaled, Offset::Ulp]
+                .into_iter()
+                .flat_map(|offset| INTERSECTORS.map(|of| (offset, of)))
+            {
                 let camera = pinhole(eye, [0.0; 3], [0.3, 0.2, 1.0], 60.0);
                 let job = Job { camera, ..job(&scene, (64, 40), 0..64) };
-                let wishes = Wishes { offset: Some(offset), ..Wishes::default() };
+                let wishes =
+                    Wishes { offset: Some(offset), intersector: Some(intersector), ..Wishes::default() };
                 let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
-                assert!(outcome.ambient_rays > 64 * 100, "{eye:?} {offset}");
-                assert!(all_escaped(&counts(outcome.accumulated)), "{eye:?} {offset}");
+                assert!(outcome.ambient_rays > 64 * 100, "{eye:?} {offset} {intersector}");
+                assert!(all_escaped(&counts(outcome.accumulated)), "{eye:?} {offset} {intersector}");
             }
         }
     });
@@ -75,15 +79,18 @@ fn a_plane_askew_gives_1_with_an_offset_of_ulps() {
             let eye = shift + (normal + side * 0.5) * unit * 2.0 * if i % 2 == 0 { 1.0 } else { -1.0 };
             let camera = pinhole(eye.to_array(), shift.to_array(), side.to_array(), 60.0);
             let job = Job { camera, ..job(&scene, (48, 30), 0..64) };
-            let wishes = Wishes {
-                preset: Some(preset),
-                accumulator: Some(Accumulator::Count),
-                offset: Some(Offset::Ulp),
-                ..Wishes::default()
-            };
-            let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
-            assert!(outcome.ambient_rays > 64 * 100, "plane {i}: {} rays", outcome.ambient_rays);
-            assert!(all_escaped(&counts(outcome.accumulated)), "plane {i}");
+            for intersector in INTERSECTORS {
+                let wishes = Wishes {
+                    preset: Some(preset),
+                    accumulator: Some(Accumulator::Count),
+                    offset: Some(Offset::Ulp),
+                    intersector: Some(intersector),
+                    ..Wishes::default()
+                };
+                let outcome = run(device, &plan(device, &scene, &geometry, job.clone(), wishes));
+                assert!(outcome.ambient_rays > 64 * 100, "plane {i}: {} rays", outcome.ambient_rays);
+                assert!(all_escaped(&counts(outcome.accumulated)), "plane {i} {intersector}");
+            }
         }
     });
 }
@@ -121,10 +128,13 @@ fn a_closed_box_gives_0_inside() {
         let scene = scene_of(&format!("{ROOM}{CEILING}"));
         let geometry = geometry(&scene, Preset::Auto);
         let camera = pinhole([0.3, 1.4, 0.2], [-1.0, 0.5, -0.4], [0.0, 1.0, 0.0], 100.0);
-        let job = Job { camera, ..job(&scene, (128, 80), 0..64) };
-        let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
-        assert_eq!(outcome.ambient_rays, 128 * 80 * 64, "every camera ray hits");
-        assert!(counts(outcome.accumulated).iter().all(|c| c.escaped0 + c.escaped1 == 0));
+        for intersector in INTERSECTORS {
+            let job = Job { camera, ..job(&scene, (128, 80), 0..64) };
+            let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
+            let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
+            assert_eq!(outcome.ambient_rays, 128 * 80 * 64, "every camera ray hits");
+            assert!(counts(outcome.accumulated).iter().all(|c| c.escaped0 + c.escaped1 == 0));
+        }
     });
 }
 
@@ -215,10 +225,12 @@ fn check_rays(
     geometry: &Geometry,
     job: &Job,
     ambient: std::ops::Range<u32>,
+    intersector: Intersector,
 ) -> u64 {
     let mut first: Option<(Vec<HitRecord>, Vec<Traced>)> = None;
     let mut judged = 0;
-    for decision in every_traversal(Wishes::default(), geometry, device) {
+    let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
+    for decision in every_traversal(wishes, geometry, device) {
         let plan = plan_decided(device, scene, geometry, job.clone(), &decision);
         let lists = RayLists::new(device, &plan).unwrap();
         let camera = lists.camera_rays().unwrap();
@@ -280,7 +292,7 @@ fn judge(
 #[test]
 fn a_million_rays_against_f64_brute_force() {
     with_device(|device| {
-        let mut judged = 0;
+        let mut judged = [0, 0, 0];
         let cases = [
             (1, (256, 256), 0..4),
             (2, (256, 128), 0..3),
@@ -294,9 +306,76 @@ fn a_million_rays_against_f64_brute_force() {
             let geometry = geometry(&scene, Preset::Auto);
             let camera = pinhole([0.4, 0.3, 2.2], [0.0; 3], [0.1, 1.0, 0.0], 60.0);
             let job = Job { camera, ..job(&scene, size, 0..1) };
-            judged += check_rays(device, &scene, &geometry, &job, ambient);
+            for (place, intersector) in INTERSECTORS.into_iter().enumerate() {
+                if place > 0 && ![2, 100, 1000].contains(&triangles) {
+                    continue;
+                }
+                let ambient = if place > 0 { 0..1 } else { ambient.clone() };
+                judged[place] += check_rays(device, &scene, &geometry, &job, ambient, intersector);
+            }
         }
-        assert!(judged >= 1 << 20, "{judged} rays");
+        assert!(judged[0] >= 1 << 20 && judged[1].min(judged[2]) >= 1 << 17, "{judged:?} rays");
+    });
+}
+
+/// Rays from a thousand sizes of the scene away to its inner edges: made for that reach, a plan loses none of them with
+/// any method and gives the twin's bits; made for its camera, it refuses them.
+#[test]
+fn rays_from_far_away_lose_no_edge() {
+    with_device(|device| {
+        // A square in parts, whose edges lie on no coordinate of f32.
+        let parts = 7;
+        let mut mesh = Mesh::default();
+        for i in 0..(parts + 1) * (parts + 1) {
+            let at = |i: i32| 2.0 * f64::from(i) / f64::from(parts) - 1.0;
+            mesh.positions.push(DVec3::new(
+                at(i % (parts + 1)),
+                0.3 * at(i / (parts + 1)),
+                at(i / (parts + 1)),
+            ));
+        }
+        for i in 0..parts * parts {
+            let a = (i / parts * (parts + 1) + i % parts) as u32;
+            let [b, c, d] = [a + 1, a + parts as u32 + 2, a + parts as u32 + 1];
+            mesh.triangles.extend([[a, b, c], [c, d, a]]);
+        }
+        let inner: Vec<[u32; 2]> = mesh.triangles.iter().step_by(2).map(|&[a, _, c]| [a, c]).collect();
+        let scene = scene_from(mesh, obj::Report::default());
+        let geometry = geometry(&scene, Preset::Auto);
+        let number = |i: u32| f64::from(hash(i, 8)) / f64::from(u32::MAX) * 2.0 - 1.0;
+        let rays: Vec<RayRecord> = (0..4096u32)
+            .map(|i| {
+                let [a, c] =
+                    inner[i as usize % inner.len()].map(|corner| scene.mesh.positions[corner as usize]);
+                let target = geometry.placement.point(a + (c - a) * (0.05 + 0.9 * number(4 * i).abs()));
+                let away =
+                    DVec3::new(number(4 * i + 1), number(4 * i + 2) + 1.5, number(4 * i + 3)).normalize();
+                let origin = (target + away * 1000.0).as_vec3();
+                let direction = target.as_vec3() - origin;
+                RayRecord {
+                    origin: origin.to_array(),
+                    t_max: f32::MAX,
+                    direction: direction.to_array(),
+                    weight: 1.0,
+                }
+            })
+            .collect();
+        let reach = reach_of(&rays);
+        assert!(reach > 900.0 && reach < 1001.0, "{reach}");
+        let wishes = Wishes { intersector: Some(Intersector::Watertight), ..Wishes::default() };
+        for decision in every_traversal(wishes, &geometry, device) {
+            let near = plan_decided(device, &scene, &geometry, job(&scene, (8, 8), 0..1), &decision);
+            let refused = RayLists::new(device, &near).unwrap().trace(Query::Closest, &rays);
+            assert!(refused.unwrap_err().to_string().contains("was made for"));
+            let far = near.with_reach(reach);
+            let hits = RayLists::new(device, &far).unwrap().trace(Query::Closest, &rays).unwrap();
+            let method = far.settings.method;
+            let lost = hits.iter().filter(|hit| hit.index == NO_HIT).count();
+            assert_eq!(lost, 0, "{method}: so many of {} rays got through", rays.len());
+            let twin = Twin::new(&far);
+            let expected = reference::trace_closest(&twin.inputs(&far), &rays);
+            assert!(bits(&expected) == bits(&hits), "{method} differs from its twin");
+        }
     });
 }
 
@@ -306,18 +385,22 @@ fn the_twin_counts_the_same_rays() {
         for (name, triangles) in common::SCENES {
             let scene = scene_named(name, triangles);
             let geometry = geometry(&scene, Preset::Auto);
-            for (method, sampler, offset) in [
-                (Method::Threaded, Sampler::Pcg, Offset::Scaled),
-                (Method::Stack(geometry.stack_bound), Sampler::Lcg, Offset::Scaled),
-                (Method::Stack(6), Sampler::Pcg, Offset::Scaled),
-                (Method::Threaded, Sampler::Sobol, Offset::Scaled),
-                (Method::Threaded, Sampler::Strata, Offset::Ulp),
-                (Method::Threaded, Sampler::Philox, Offset::Scaled),
+            for (method, sampler, offset, intersector) in [
+                (Method::Threaded, Sampler::Pcg, Offset::Scaled, Intersector::Moller),
+                (Method::Stack(geometry.stack_bound), Sampler::Lcg, Offset::Scaled, Intersector::Moller),
+                (Method::Stack(6), Sampler::Pcg, Offset::Scaled, Intersector::Moller),
+                (Method::Threaded, Sampler::Sobol, Offset::Scaled, Intersector::Moller),
+                (Method::Threaded, Sampler::Strata, Offset::Ulp, Intersector::Moller),
+                (Method::Threaded, Sampler::Philox, Offset::Scaled, Intersector::Moller),
+                (Method::Threaded, Sampler::Pcg, Offset::Scaled, Intersector::Watertight),
+                (Method::Stack(6), Sampler::Sobol, Offset::Ulp, Intersector::Watertight),
+                (Method::Threaded, Sampler::Sobol, Offset::Ulp, Intersector::Conservative),
             ] {
                 let wishes = Wishes {
                     method: Some(method),
                     sampler: Some(sampler),
                     offset: Some(offset),
+                    intersector: Some(intersector),
                     ..Wishes::default()
                 };
                 let plan = plan(device, &scene, &geometry, job(&scene, (101, 67), 3..12), wishes);
@@ -325,9 +408,10 @@ fn the_twin_counts_the_same_rays() {
                 let twin = Twin::new(&plan);
                 let mut seeds = lcg_seeds(0, plan.tiles.padded_pixels() as u32, plan.job.seed);
                 let expected = reference::render_counts(&twin.inputs(&plan), 3..12, Some(&mut seeds));
-                assert_eq!(outcome.overflowed_rays, expected.overflowed, "{name} {method} {sampler}");
-                assert_eq!(outcome.ambient_rays, expected.ambient_rays, "{name} {method} {sampler}");
-                assert!(counts(outcome.accumulated) == expected.counts, "{name} {method} {sampler}");
+                let what = format!("{name} {method} {sampler} {intersector}");
+                assert_eq!(outcome.overflowed_rays, expected.overflowed, "{what}");
+                assert_eq!(outcome.ambient_rays, expected.ambient_rays, "{what}");
+                assert!(counts(outcome.accumulated) == expected.counts, "{what}");
             }
         }
     });

@@ -3,7 +3,7 @@
 // Wächter and Binder, "A Fast and Robust Method for Avoiding Self-Intersection" (2019): each component moves along the normal by
 // up to 256 ulps, as an integer, and near the origin, where ulps vanish, by a length that is fixed. Theirs are the errors
 // of a point whose triangle is small beside its distance from the origin. Ours grow with the triangle, which may be as large as
-// the scene: src/reference/offset.rs bounds them by 42 e L, with e = 2^-24 and L the largest coordinate. So what is near
+// the scene: src/reference/offset.rs bounds them by 42 e L, or 66 with the watertight intersector, with e = 2^-24 and L the largest coordinate. So what is near
 // reaches to L / 2, and the fixed length is 256 e L: no component that counts moves by less than half of that.
 #define OFFSET_ULPS 256.0
 

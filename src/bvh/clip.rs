@@ -3,8 +3,8 @@
 //!
 //! # What a part's box must contain
 //!
-//! The guarded intersector (Möller and Trumbore, in f32) accepts a triangle and reports a distance t, brought
-//! into the triangle's own box. A traversal finds that hit if the ray's point at t lies well inside the box of one
+//! A guarded intersector accepts a triangle and reports a distance t, brought into the triangle's own box. What follows is
+//! about that of Möller and Trumbore, in f32; the other one's bound is smaller. A traversal finds that hit if the ray's point at t lies well inside the box of one
 //! of the triangle's parts: then the slab test enters the box before t and leaves it after. Rounding moves the
 //! point in two ways.
 //!
@@ -25,6 +25,10 @@
 //! 25 times the scene's largest coordinate: for origins within some ten sizes of the scene. From farther away,
 //! rounding may move a hit by more than the slack, and then a hit may be lost. Nor is a hit covered that t is brought to
 //! from far: one whose ray meets the plane outside the own box by more than the slack, nearly along a face of the box.
+//!
+//! *The watertight intersector* reports a t at which the ray is within 15 e (L + R) of the triangle itself in each axis, at any
+//! angle to it: src/reference/watertight.rs derives it, with L the scene's largest coordinate and R the origin's. With the slab
+//! test's part it is 19 e (L + R), within the slack, 512 e L, for R up to 25 L.
 //!
 //! The nearest point of the plane may lie in the next cell: so the plane is clipped to the cell grown by the slack,
 //! and the box of that is grown by the slack once more. It never reaches beyond the triangle's own box,
@@ -146,9 +150,11 @@ fn rectangle(a: DVec3, normal: DVec3, across: usize, low: DVec3, high: DVec3) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::intersect::intersect_moller;
+    use crate::pack;
+    use crate::reference::intersect::{intersect_moller, intersect_watertight};
     use crate::reference::slabs::{meets_box, slabs_of};
-    use crate::reference::testing::{Random, aimed_ray, grazing_ray, triangle};
+    use crate::reference::testing::{REACH, Random, aimed_ray, corners_of, grazing_ray, triangle};
+    use crate::reference::watertight::edges_of;
 
     #[test]
     fn needles_are_not_split() {
@@ -216,39 +222,45 @@ mod tests {
         parts.into_iter().map(|(_, bounds)| bounds).collect()
     }
 
-    /// A hit that the intersector reports is found by way of a part, even by a traversal that asks for
+    /// A hit that an intersector reports is found by way of a part, even by a traversal that asks for
     /// nothing beyond its distance.
     #[test]
     fn every_hit_lies_in_a_part() {
         let mut random = Random::new(41);
-        let (mut hits, mut cut) = (0, 0);
+        let (mut hits, mut cut) = ([0, 0, 0], 0);
         for round in 0..6000 {
             // In planes along axes, nearly so, and askew.
             let thin = [1.0, 0.9999, 0.0][round % 3];
             let flat = Vec3::ONE - random.axis().abs() * thin;
             let (ab, ac) = (random.point() * flat, random.point() * flat);
             let ac = if round % 4 == 0 { ab * random.unit() + ac * 0.02 } else { ac };
-            let one = triangle(0, random.point() * 0.5, ab * 0.5, ac * 0.5);
+            let corners = corners_of(&triangle(0, random.point() * 0.5, ab * 0.5, ac * 0.5));
+            let one = edges_of(&corners);
             let slack = slack(&one, 1.0);
             if slack == 0.0 {
                 continue;
             }
-            let pad = 2f32.powi(-21);
+            let pads = [2f32.powi(-21), pack::watertight_pad(1.0, REACH)];
             let parts = parts_of(&mut random, &one, slack);
             cut += parts.len() - 1;
             for i in 0..600 {
                 let ray =
                     if i % 2 == 0 { grazing_ray(&mut random, &one) } else { aimed_ray(&mut random, &one) };
                 let slabs = slabs_of(&ray, true);
-                let Some([t, ..]) = intersect_moller(&ray, &slabs, &one, false, pad, ray.t_max) else {
-                    continue;
-                };
-                hits += 1;
-                let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
-                assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}");
+                let found = [
+                    intersect_moller(&ray, &slabs, &one, false, pads[0], ray.t_max),
+                    intersect_moller(&ray, &slabs, &one, true, pads[0], ray.t_max),
+                    intersect_watertight(&ray, &slabs, &corners, pads[1], ray.t_max),
+                ];
+                for (intersector, found) in found.into_iter().enumerate() {
+                    let (Some([t, ..]), pad) = (found, pads[intersector / 2]) else { continue };
+                    hits[intersector] += 1;
+                    let found = parts.iter().any(|part| meets_box(&slabs, part.min - pad, part.max + pad, t));
+                    assert!(found, "lost at {t}: {ray:?} {one:?}, slack {slack}, intersector {intersector}");
+                }
             }
         }
-        println!("{hits} hits, {cut} cuts");
-        assert!(hits > 100_000 && cut > 10_000, "{hits} hits, {cut} cuts");
+        println!("{hits:?} hits, {cut} cuts");
+        assert!(hits.into_iter().all(|hits| hits > 100_000) && cut > 10_000, "{hits:?} hits, {cut} cuts");
     }
 }

@@ -129,8 +129,7 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
         weight.margin(f64::INFINITY)
     };
     let inside = weights.iter().zip(granted).map(margin_of);
-    let least =
-        inside.chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
+    let least = inside.chain([t_margin, (size - smallest) / det.error]).fold(f64::INFINITY, f64::min);
     if least < -1.0 {
         return Verdict::Miss { margin: -least };
     }

@@ -164,8 +164,9 @@ pub fn box_limit(inputs: &Inputs, t_closest: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::exact::{Rules, Verdict, verdict};
-    use crate::reference::testing::{KINDS, Random, aimed_ray, triangle, triangles_of};
+    use crate::reference::exact::{Rules, Shape, Verdict, verdict};
+    use crate::reference::testing::{KINDS, REACH, Random, aimed_ray, by_corners, triangle, triangles_of};
+    use crate::render::choices::Intersector;
 
     fn guarded(ray: &Ray, triangle: &Triangle, pad: f32) -> Option<[f32; 3]> {
         intersect_moller(ray, &slabs_of(ray, true), triangle, false, pad, ray.t_max)
@@ -174,16 +175,29 @@ mod tests {
     #[test]
     fn agrees_with_the_exact_verdict() {
         let mut random = Random::new(10);
-        for kind in KINDS {
-            let triangles = triangles_of(kind, 11, 100);
-            let pad = crate::pack::box_pad(&triangles);
+        let all = [Intersector::Moller, Intersector::Conservative, Intersector::Watertight];
+        for (kind, intersector) in KINDS.into_iter().flat_map(|kind| all.map(|one| (kind, one))) {
+            let (corners, triangles) = by_corners(&triangles_of(kind, 11, 100));
+            let mut pad = crate::pack::box_pad(&triangles);
+            if intersector == Intersector::Watertight {
+                pad = crate::pack::watertight_pad(pad * 2f32.powi(21), REACH);
+            }
             let (mut hits, mut doubtful, count) = (0, 0, 20_000);
             for i in 0..count {
-                let triangle = &triangles[i % triangles.len()];
+                let (triangle, corners) = (&triangles[i % triangles.len()], &corners[i % triangles.len()]);
                 let ray = aimed_ray(&mut random, triangle);
                 let rules = Rules { box_pad: pad, robust_slabs: true };
-                let got = guarded(&ray, triangle, pad);
-                match verdict(&ray.record(), triangle, &rules) {
+                let slabs = slabs_of(&ray, true);
+                let moller =
+                    |conservative| intersect_moller(&ray, &slabs, triangle, conservative, pad, ray.t_max);
+                let (shape, got) = match intersector {
+                    Intersector::Moller => (Shape::Edges(triangle), moller(false)),
+                    Intersector::Conservative => (Shape::Conservative(triangle), moller(true)),
+                    Intersector::Watertight => {
+                        (Shape::Corners(corners), intersect_watertight(&ray, &slabs, corners, pad, ray.t_max))
+                    }
+                };
+                match verdict(&ray.record(), shape, &rules) {
                     Verdict::Hit(meeting) => {
                         hits += 1;
                         let got = got.unwrap_or_else(|| panic!("{kind:?}: lost {ray:?} {triangle:?}"));
@@ -195,7 +209,7 @@ mod tests {
                     Verdict::Doubtful(_) => doubtful += 1,
                 }
             }
-            println!("{kind:?}: {hits} certain hits, {doubtful} doubtful of {count}");
+            println!("{kind:?}, {intersector}: {hits} certain hits, {doubtful} doubtful of {count}");
             assert!(hits > count / 20, "{kind:?}: too few hits to prove anything");
             assert!(doubtful < count * 2 / 3, "{kind:?}: the bound decides too little");
         }

@@ -157,6 +157,24 @@ mod tests {
     use super::*;
     use crate::render::seeds::hash;
 
+    /// The box that the watertight intersector makes of a triangle's corners is the tree's only if both have the same edges.
+    #[test]
+    fn corners_have_the_edges_of_their_triangles() {
+        use crate::scene::procedural::{Request, find};
+        for name in ["maison", "hairball"] {
+            let kind = find(name).expect("a scene of this name");
+            let mesh = (kind.generate)(&Request { triangles: None, seed: 1 }).expect("the scene");
+            let (bounds, hash) = (mesh.bounds(), mesh.hash());
+            let report = crate::scene::obj::Report::default();
+            let scene = Scene { path: name.into(), mesh, bounds, hash, report, load_ms: 0.0 };
+            for builder in [Builder::Midpoint, Builder::Sbvh] {
+                let geometry = Geometry::build(&scene, true, builder, &|_| {}).expect("a tree");
+                let edges = geometry.corners(&scene.mesh).iter().map(crate::reference::watertight::edges_of);
+                assert!(edges.eq(geometry.triangles.iter().copied()), "{name} {builder}");
+            }
+        }
+    }
+
     fn with(ab: [f32; 3], ac: [f32; 3]) -> Triangle {
         Triangle { ab, ac, ..Triangle::default() }
     }

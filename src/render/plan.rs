@@ -155,7 +155,8 @@ impl<'a> Plan<'a> {
 
     /// Refuses rays whose hits the boxes could lose.
     pub fn check_reach(&self, reach: f64) -> Result<()> {
-        if self.corners.is_none() || reach <= self.reach {
+        // Origins are sums that round; the pad has room for that.
+        if self.corners.is_none() || reach <= self.reach * (1.0 + 1e-6) {
             return Ok(());
         }
         Err(Error::other(format!(
@@ -414,13 +415,14 @@ fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> 
     frame_of(job, settings, scene, geometry, model)
 }
 
-/// The largest coordinate of a point that a render's rays start from: the eye, or a point moved off its surface.
+/// The largest coordinate of a point that a render's rays start from: the eye, or a point moved off its surface (by
+/// 2^-15 of the largest coordinate, if by ulps: twice that is granted).
 fn reach_of(frame: &Frame) -> f64 {
     let most = |v: [f32; 3]| f64::from(glam::Vec3::from(v).abs().max_element());
     let eye = most(frame.origin)
         + most(frame.origin_dx) * f64::from(frame.width)
         + most(frame.origin_dy) * f64::from(frame.height);
-    eye.max(f64::from(frame.largest) + f64::from(frame.offset))
+    eye.max(f64::from(frame.largest) * (1.0 + 2f64.powi(-14)) + f64::from(frame.offset))
 }
 
 /// The frame of a render whose camera rays follow `model`.

@@ -106,6 +106,10 @@ pub fn plan_decided<'a>(
     Plan::new(job, scene, geometry, decision, &device.adapter().limits).expect("a plan")
 }
 
+/// The tests against triangles, none of whose hits depend on method or tree.
+pub const INTERSECTORS: [Intersector; 3] =
+    [Intersector::Moller, Intersector::Watertight, Intersector::Conservative];
+
 /// The same wishes with each method and accessor.
 pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> Vec<Decision> {
     let mut decisions = Vec::new();

@@ -6,7 +6,7 @@ use crate::bvh::{Builder, build};
 use crate::layout::{NO_HIT, Triangle};
 use crate::reference::ray::no_hit;
 use crate::reference::testing::{
-    KINDS, Random, Scene, aimed_ray, grazing_ray, procedural, triangle, triangles_of,
+    KINDS, Random, Scene, aimed_ray, by_corners, grazing_ray, procedural, triangle, triangles_of,
 };
 
 const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
@@ -34,6 +34,15 @@ fn hall(seed: u64, count: usize) -> Vec<Triangle> {
             triangle(id, random.point(), along * length * random.unit(), across * width * random.unit())
         })
         .collect()
+}
+
+/// The scene over a builder's tree, for either intersector.
+fn built(builder: Builder, triangles: &[Triangle], watertight: bool) -> Scene {
+    if watertight {
+        let (corners, triangles) = by_corners(triangles);
+        return Scene::watertight_with(&build(builder, &triangles, &|_| ()), &corners, &triangles);
+    }
+    Scene::with(&build(builder, triangles, &|_| ()), triangles)
 }
 
 /// Rays that a traversal of the tree answers otherwise than a test of every triangle, of `count` of each kind.
@@ -70,17 +79,18 @@ fn every_builder_gives_the_same_bits() {
     for kind in KINDS {
         for count in [2, 30, 600] {
             let triangles = triangles_of(kind, 60 + count as u64, count);
-            let plain = Scene::of(triangles.clone());
-            for builder in BUILDERS {
-                let tree = build(builder, &triangles, &|_| ());
-                let scene = Scene::with(&tree, &triangles);
-                let wrong = differences(&scene, &plain, &triangles, 61, 400);
-                assert!(
-                    wrong.is_empty(),
-                    "{builder} {count} of {kind:?}: {} such as {}",
-                    wrong.len(),
-                    wrong[0]
-                );
+            for watertight in [false, true] {
+                let plain = built(Builder::Midpoint, &triangles, watertight);
+                for builder in BUILDERS {
+                    let scene = built(builder, &triangles, watertight);
+                    let wrong = differences(&scene, &plain, &triangles, 61, 400);
+                    assert!(
+                        wrong.is_empty(),
+                        "{builder} {count} of {kind:?}, watertight {watertight}: {} such as {}",
+                        wrong.len(),
+                        wrong[0]
+                    );
+                }
             }
         }
     }
@@ -92,12 +102,13 @@ fn spatial_splits_lose_no_hit() {
     let mut duplicates = 0;
     for seed in 0..12 {
         let triangles = hall(70 + seed, 100 + 100 * seed as usize);
-        let plain = Scene::of(triangles.clone());
-        let tree = build(Builder::Sbvh, &triangles, &|_| ());
-        duplicates += Quality::of(&tree).duplicates;
-        let scene = Scene::with(&tree, &triangles);
-        let wrong = differences(&scene, &plain, &triangles, 71 + seed, 4000);
-        assert!(wrong.is_empty(), "{} such as {}", wrong.len(), wrong[0]);
+        duplicates += Quality::of(&build(Builder::Sbvh, &triangles, &|_| ())).duplicates;
+        for watertight in [false, true] {
+            let plain = built(Builder::Midpoint, &triangles, watertight);
+            let scene = built(Builder::Sbvh, &triangles, watertight);
+            let wrong = differences(&scene, &plain, &triangles, 71 + seed, 4000);
+            assert!(wrong.is_empty(), "watertight {watertight}: {} such as {}", wrong.len(), wrong[0]);
+        }
     }
     println!("{duplicates} duplicates");
     assert!(duplicates > 800, "{duplicates}: too few cuts to prove anything");
@@ -106,10 +117,17 @@ fn spatial_splits_lose_no_hit() {
 #[test]
 fn a_house_is_the_same_from_every_tree() {
     let triangles = procedural("maison", None);
-    let plain = Scene::of(triangles.clone());
-    for builder in BUILDERS {
-        let scene = Scene::with(&build(builder, &triangles, &|_| ()), &triangles);
-        let wrong = differences(&scene, &plain, &triangles, 90, 600);
-        assert!(wrong.is_empty(), "{builder}: {} such as {}", wrong.len(), wrong[0]);
+    for watertight in [false, true] {
+        let plain = built(Builder::Midpoint, &triangles, watertight);
+        for builder in BUILDERS {
+            let scene = built(builder, &triangles, watertight);
+            let wrong = differences(&scene, &plain, &triangles, 90, 600);
+            assert!(
+                wrong.is_empty(),
+                "{builder}, watertight {watertight}: {} such as {}",
+                wrong.len(),
+                wrong[0]
+            );
+        }
     }
 }

