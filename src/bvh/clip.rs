@@ -17,9 +17,8 @@
 //!
 //! *Along the plane.* There it does: u, v and t are off by that over the sine of the angle between ray and plane.
 //! A ray that grazes the plane may be said to hit a triangle well beside it, anywhere in the triangle's own box.
-//! So what is cut is not the triangle but **its plane within its own box**. Only triangles in a plane of constant
-//! x, y or z are cut as triangles: there the ray's component across the plane is a factor of det and of every
-//! numerator, and u and v are off by 16 e S / sin(a), too.
+//! So what is cut is not the triangle but **its plane within its own box**. (In a plane of constant x, y or z, u and v are
+//! off by no more than 16 e S / sin(a) either, but what the conservative intersector grants them is not.)
 //!
 //! The slab test of a face adds 4 e S. Together that is 20 e S / sin(a), and [`slack`] covers it where S is at most
 //! 25 times the scene's largest coordinate: for origins within some ten sizes of the scene. From farther away,
@@ -110,18 +109,10 @@ pub fn part_bounds(triangle: &Triangle, slack: f32, cell: &Aabb) -> Option<Aabb>
     // The nearest point of the plane may lie in the next cell, and beyond the own box.
     let (low, high) = (cell.min.as_dvec3() - room, cell.max.as_dvec3() + room);
     let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(Vec3::from);
-    let axis_aligned = (0..3).any(|axis| ab[axis] == 0.0 && ac[axis] == 0.0);
-    let polygon = if axis_aligned {
-        let corners = [a, a + ab, a + ac].map(|corner| corner.as_dvec3());
-        (0..3).fold(Polygon::of(&corners), |polygon, axis| {
-            polygon.clipped(axis, low[axis], 1.0).clipped(axis, high[axis], -1.0)
-        })
-    } else {
-        let normal = ab.as_dvec3().cross(ac.as_dvec3());
-        let across = normal.abs().max_position();
-        let plane = rectangle(a.as_dvec3(), normal, across, low, high);
-        plane.clipped(across, low[across], 1.0).clipped(across, high[across], -1.0)
-    };
+    let normal = ab.as_dvec3().cross(ac.as_dvec3());
+    let across = normal.abs().max_position();
+    let plane = rectangle(a.as_dvec3(), normal, across, low, high);
+    let polygon = plane.clipped(across, low[across], 1.0).clipped(across, high[across], -1.0);
     if polygon.count == 0 {
         return None;
     }

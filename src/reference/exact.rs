@@ -148,18 +148,23 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
 
 /// The verdict on a meeting that no edge rules out: against t_max, and against the triangle's box.
 fn within_reach(ray: &RayRecord, triangle: &Triangle, rules: &Rules, meeting: Meeting) -> Verdict {
+    let (enter, leave) = own_box(ray, triangle, rules);
+    // What the conservative intersector grants may cross the plane outside the box, into which t is brought.
+    let brought = (enter - meeting.t).max(meeting.t - leave).max(0.0);
+    let brought = if brought.is_finite() { brought } else { 0.0 };
+    let meeting = Meeting { t_error: meeting.t_error + brought, ..meeting };
     let reach = (f64::from(ray.t_max) - meeting.t) / meeting.t_error;
     if reach < -1.0 {
         return Verdict::Miss { margin: -reach };
     }
-    let (enter, leave) = own_box(ray, triangle, rules);
     // Robust slabs leave later than they should by 16 e less the 8 e that they may err; plain ones may
     // err either way.
     let slack = if rules.robust_slabs { 7.0 * E } else { -EIGHT_ULP };
     let entry = (meeting.t - enter) / meeting.t_error + 1.0;
+    let exit = (leave - meeting.t) / meeting.t_error + 1.0;
     let crosses = enter <= leave + slack * (leave.abs() + enter.abs());
     let crossing = if crosses { f64::INFINITY } else { 0.0 };
-    let margin = [meeting.margin, reach, entry, crossing].into_iter().fold(f64::INFINITY, f64::min);
+    let margin = [meeting.margin, reach, entry, exit, crossing].into_iter().fold(f64::INFINITY, f64::min);
     let meeting = Meeting { margin, ..meeting };
     if margin > 1.0 { Verdict::Hit(meeting) } else { Verdict::Doubtful(Some(meeting)) }
 }
