@@ -467,7 +467,6 @@ pub fn frame_of(
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
         largest: geometry.largest(),
-        ..Frame::default()
     };
     if settings.intersector == Intersector::Watertight {
         frame.box_pad = pack::watertight_pad(frame.largest, reach_of(&frame));
