@@ -8,6 +8,7 @@ use std::rc::Rc;
 use super::{Case, Experiment, Findings, Lab, Row, Verdict};
 use crate::error::{Error, Result};
 use crate::lab::figure::Figure;
+use crate::lab::interleave::digits as digits_of;
 use crate::lab::scenes::scene_of;
 use crate::layout::{HitRecord, NO_HIT, RayRecord};
 use crate::render::auto;
@@ -35,6 +36,12 @@ struct Variant {
     conditioned: bool,
     /// Whether its file holds no more digits than 32-bit floats.
     of_floats: bool,
+}
+
+impl Variant {
+    fn wishes(&self) -> Wishes {
+        Wishes { offset: self.offset, ..Wishes::default() }
+    }
 }
 
 const PLAIN: Variant = Variant { name: "auto", offset: None, conditioned: true, of_floats: false };
@@ -73,8 +80,11 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
             done += 1.0;
         }
     }
-    let rows = VARIANTS.iter().zip(cases).map(|(variant, cases)| row(variant, cases)).collect();
-    Ok(Findings { rows, figures: figures(lab, &subjects)? })
+    let costs = if lab.quick { Vec::new() } else { costs(lab, &subjects)? };
+    let rows = VARIANTS.iter().zip(cases).enumerate().map(|(place, (variant, cases))| {
+        row(variant, cases).costing(costs.iter().find(|(known, _)| *known == place).map(|(_, cost)| *cost))
+    });
+    Ok(Findings { rows: rows.collect(), figures: figures(lab, &subjects)? })
 }
 
 /// A scene at a place, as its file may hold it and as it is placed.
@@ -141,8 +151,7 @@ fn answers(
     let geometry = geometry.as_ref().map_err(|error| Error::other(error.to_string()))?;
     let (scale, shift) = forms.place;
     let job = Job { camera: subject.camera(scale, shift), ..lab.job(scene, subject.size, 4) };
-    let wishes = Wishes { offset: variant.offset, ..Wishes::default() };
-    let plan = lab.plan(job, scene, geometry, &wishes)?;
+    let plan = lab.plan(job, scene, geometry, &variant.wishes())?;
     let lists = RayLists::new(lab.device, &plan)?.sharing(compiled);
     let mut places = vec![NO_HIT; subject.scene.mesh.triangles.len()];
     for (place, triangle) in geometry.triangles.iter().enumerate() {
@@ -202,10 +211,30 @@ fn row(variant: &Variant, cases: Vec<Case>) -> Row {
             .noting("the file has lost its digits, and `cousu inspect` says so of every scene that fails"),
         _ => row,
     };
-    match not_run {
-        0 => row,
+    match (not_run, row.failures) {
+        // The rule of three.
+        (0, 0) => {
+            let most = 3e6 / row.trials.max(1) as f64;
+            row.noting(format!("fewer than {} in a million, at 95%", digits_of(most)))
+        }
+        (0, _) => row,
         _ => row.noting(format!("{not_run} scenes could not be traced")),
     }
+}
+
+/// Frame times on the largest scene over that of the first variant, of those whose scene is conditioned; by place.
+fn costs(lab: &Lab<'_>, subjects: &[Subject]) -> Result<Vec<(usize, f64)>> {
+    let Some(Subject { scene, .. }) = subjects.last() else { return Ok(Vec::new()) };
+    lab.observe("times", 0.9);
+    let geometry = lab.geometry(scene, &Wishes::default())?;
+    let timed = |variant: &Variant| variant.conditioned && !variant.of_floats;
+    let (places, choices): (Vec<usize>, Vec<(&str, Wishes)>) = VARIANTS
+        .iter()
+        .enumerate()
+        .filter(|(_, variant)| timed(variant))
+        .map(|(place, variant)| (place, (variant.name, variant.wishes())))
+        .unzip();
+    Ok(places.into_iter().zip(lab.costs(scene, &geometry, &choices)?).collect())
 }
 
 /// Pixels whose light is off by more are marked.

@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::lab::scenes::scene_of;
 use crate::layout::RayRecord;
 use crate::render::seeds::hash;
+use crate::scene::camera::Camera;
 use crate::scene::condition::Placement;
 use crate::scene::rays::FileRay;
 use crate::scene::{Mesh, Scene};
@@ -125,6 +126,10 @@ pub struct Cabinet {
 
 /// From the middle of a kind's place to that of the next.
 const SPACING: f64 = 2.5;
+
+/// Fills the picture with all of it.
+pub const VIEW: Camera =
+    Camera::Pinhole { eye: [2.5, 5.5, 7.0], target: [2.5, 0.0, 1.3], up: [0.0, 1.0, 0.0], fov: 40.0 };
 
 impl Cabinet {
     pub fn new(seed: u32, scale: f64) -> Self {
