@@ -7,7 +7,7 @@ use clap::Args;
 use super::session;
 use crate::error::Result;
 use crate::render::choices::Wishes;
-use crate::scene::Scene;
+use crate::scene::{Scene, digits};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -42,8 +42,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             geometry.without_area
         );
     }
+    if geometry.copies > 0 {
+        text += &format!(
+            "copies      {} triangles with the corners of another, left out: no ray tells them apart\n",
+            geometry.copies
+        );
+    }
+    for warning in digits::warnings(&scene.mesh) {
+        text += &format!("digits      {warning}\n");
+    }
     text += &format!(
-        "tree        midpoint: {} nodes, {} levels, a stack of up to {} entries",
+        "tree        {}: {} nodes, {} levels, a stack of up to {} entries",
+        geometry.builder.name(),
         geometry.tree.nodes.len(),
         geometry.tree.depth(),
         geometry.stack_bound

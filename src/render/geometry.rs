@@ -9,6 +9,7 @@ use crate::bvh::wide::WideTree;
 use crate::bvh::{self, Builder, Tree};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
+use xxhash_rust::xxh3::xxh3_64;
 
 use crate::layout::{Corners, Triangle};
 use crate::pack;
@@ -36,6 +37,8 @@ pub struct Geometry {
     pub shares_edges: bool,
     /// Triangles left out because 32-bit floats see no area in them.
     pub without_area: usize,
+    /// Triangles left out because each has the corners of one that comes before it.
+    pub copies: usize,
 }
 
 impl Geometry {
@@ -67,6 +70,7 @@ impl Geometry {
             placed.retain(has_area);
         }
         let without_area = scene.mesh.triangles.len() - placed.len();
+        let copies = if conditioned { leave_out_copies(&scene.mesh, &placement, &mut placed) } else { 0 };
         if placed.is_empty() {
             return Err(Error::input(format!(
                 "{} has {without_area} triangles, but 32-bit floats see no area in any of them: give it wider triangles.",
@@ -90,6 +94,7 @@ impl Geometry {
             build_ms,
             without_area,
             shares_edges: shares_edges(&scene.mesh),
+            copies,
         })
     }
 }
@@ -152,10 +157,36 @@ fn has_area(triangle: &Triangle) -> bool {
     normal.is_finite() && (normal.length() - 1.0).abs() < 1e-3
 }
 
+/// Leaves out triangles whose corners are, bit for bit and in the same order, those of one before them, and tells how
+/// many. No intersector gives them another hit, and of equal hits the smaller id wins, so that no picture changes; but a ray
+/// that meets one would have to visit them all.
+fn leave_out_copies(mesh: &Mesh, placement: &Placement, placed: &mut Vec<Triangle>) -> usize {
+    let corners = |triangle: &Triangle| condition::corners_of(mesh, placement, triangle.id);
+    let key = |(place, triangle): (usize, &Triangle)| {
+        (xxh3_64(bytemuck::bytes_of(&corners(triangle).map(|corner| corner.map(f32::to_bits)))), place)
+    };
+    let mut keys: Vec<(u64, usize)> = placed.par_iter().enumerate().map(key).collect();
+    keys.par_sort_unstable();
+    let mut is_copy = vec![false; placed.len()];
+    for same in keys.chunk_by(|a, b| a.0 == b.0) {
+        let first = corners(&placed[same[0].1]);
+        for &(_, place) in &same[1..] {
+            is_copy[place] = corners(&placed[place]) == first;
+        }
+    }
+    let before = placed.len();
+    let mut places = is_copy.iter();
+    placed.retain(|_| places.next() != Some(&true));
+    before - placed.len()
+}
+
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::render::seeds::hash;
+    use crate::scene::obj::Report;
 
     /// The box that the watertight intersector makes of a triangle's corners is the tree's only if both have the same edges.
     #[test]
@@ -185,6 +216,31 @@ mod tests {
         assert!(has_area(&with([1.0, 0.0, 0.0], [1.0, 1e-18, 0.0])));
         assert!(!has_area(&with([1.0, 2.0, 3.0], [2.0, 4.0, 6.0])));
         assert!(!has_area(&with([0.0; 3], [0.0, 1.0, 0.0])));
+    }
+
+    /// A copy is one in place and order of its corners, and the first stays. Corners decide, not edges: those of the
+    /// last triangle round to the first one's.
+    #[test]
+    fn copies_are_left_out_and_nothing_else() {
+        let far = DVec3::new(1.0, 0.0, 0.0);
+        let (near, nearer) = (DVec3::new(1e-9, 0.0, 0.0), DVec3::new(2e-9, 0.0, 0.0));
+        let up = DVec3::new(-1.0, 1.0, 0.0);
+        let mesh = Mesh {
+            positions: vec![far, near, up, far, near, up, nearer, far + DVec3::X * 1e-12],
+            triangles: vec![[0, 1, 2], [3, 4, 5], [1, 2, 0], [2, 1, 0], [0, 1, 5], [0, 6, 2], [7, 1, 2]],
+        };
+        let (bounds, hash, report) = (mesh.bounds(), mesh.hash(), Report::default());
+        let scene = Scene { path: "copies".into(), mesh, bounds, hash, report, load_ms: 0.0 };
+        let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).unwrap();
+        assert_eq!((geometry.copies, geometry.without_area), (3, 0));
+        let mut ids: Vec<u32> = geometry.triangles.iter().map(|triangle| triangle.id).collect();
+        ids.sort_unstable();
+        assert_eq!(ids, [0, 2, 3, 5]);
+        let kept = geometry.triangles.iter().find(|triangle| triangle.id == 5).unwrap();
+        let first = geometry.triangles.iter().find(|triangle| triangle.id == 0).unwrap();
+        assert_eq!((kept.a, kept.ab, kept.ac), (first.a, first.ab, first.ac));
+        let raw = Geometry::build(&scene, false, Builder::Sah, &|_| {}).unwrap();
+        assert_eq!((raw.copies, raw.triangles.len()), (0, 7));
     }
 
     /// Edges that differ by their last bits: where the host sees an area, the shader must have a normal.

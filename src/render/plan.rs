@@ -77,7 +77,7 @@ pub struct Plan<'a> {
 /// Arrays shorter than this are put into registers by NVIDIA's compiler: stack16 took 2.3 times as long as
 /// stack32 on an H100.
 const SHORTEST_STACK_ARRAY: u32 = 32;
-/// Farthest eye, device units (the scene is about 2 wide).
+/// Farthest eye, in largest coordinates of the scene, which is twice as wide.
 const FARTHEST: f32 = 2e6;
 /// Smallest change of a ray's direction from pixel to pixel, as a part of it: some steps of a 32-bit float.
 const SMALLEST_STEP: f32 = 4.0 * f32::EPSILON;
@@ -106,7 +106,7 @@ impl<'a> Plan<'a> {
         let tiles = job.tiles();
         let frame = frame(&job, &settings, scene, geometry);
         if !original {
-            check_frame(&frame, geometry.largest())?;
+            check_frame(&frame)?;
         }
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
@@ -280,11 +280,12 @@ impl<'a> Plan<'a> {
 }
 
 /// The camera must be one that 32-bit floats can hold.
-fn check_frame(frame: &Frame, largest: f32) -> Result<()> {
+fn check_frame(frame: &Frame) -> Result<()> {
     let length = |v: [f32; 3]| glam::Vec3::from(v).length();
-    let rays = [frame.origin, frame.direction, frame.origin_dx, frame.origin_dy];
-    let far = rays.iter().any(|&v| length(v) > FARTHEST * largest.max(1.0));
-    if far || !rays.iter().all(|v| glam::Vec3::from(*v).is_finite()) {
+    let origins = [frame.origin, frame.origin_dx, frame.origin_dy];
+    let far =
+        origins.iter().any(|&v| length(v) > FARTHEST * frame.largest) || length(frame.direction) > FARTHEST;
+    if far || !origins.iter().chain([&frame.direction]).all(|v| glam::Vec3::from(*v).is_finite()) {
         return Err(Error::usage(
             "The eye is more than a million times the scene's size away, where 32-bit floats see nothing of it: move it \
              closer.",

@@ -1,10 +1,13 @@
 //! Lists of rays on a Vulkan device: the rays that a plan would trace, and what they hit.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use super::plan::{Plan, traversal_name};
 use super::stage::Uploaded;
 use super::tally::Totals;
 use crate::error::{Error, Result};
-use crate::kernels::find_kernel;
+use crate::kernels::{Kernel, find_kernel};
 use crate::layout::{
     self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES,
     Counters, HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
@@ -69,12 +72,34 @@ pub(super) fn check_finished(kernel: &str, asked: u64, finished: u64) -> Result<
     )))
 }
 
+/// Kernels that were compiled, found again by plans that take the same ones with the same constants.
+#[derive(Default)]
+pub struct Compiled {
+    known: RefCell<Vec<(Constants, Rc<Pipeline>)>>,
+}
+
+/// A kernel's name and its specialization constants.
+type Constants = (&'static str, Vec<(u32, u32)>);
+
+impl Compiled {
+    fn of(&self, device: &Device, kernel: &'static Kernel, plan: &Plan<'_>) -> Result<Rc<Pipeline>> {
+        let key = (kernel.name, plan.constants.clone());
+        if let Some((_, pipeline)) = self.known.borrow().iter().find(|(known, _)| *known == key) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = Rc::new(Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32)?);
+        self.known.borrow_mut().push((key, pipeline.clone()));
+        Ok(pipeline)
+    }
+}
+
 /// A plan's scene on a device, ready for lists of rays.
 pub struct RayLists<'a> {
     device: &'a Device,
     plan: &'a Plan<'a>,
     uploaded: Uploaded,
     frame: Buffer,
+    compiled: Rc<Compiled>,
 }
 
 impl<'a> RayLists<'a> {
@@ -87,9 +112,15 @@ impl<'a> RayLists<'a> {
         Ok(Self {
             uploaded,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            compiled: Rc::default(),
             device,
             plan,
         })
+    }
+
+    /// With kernels that may be there already.
+    pub fn sharing(self, compiled: &Rc<Compiled>) -> Self {
+        Self { compiled: compiled.clone(), ..self }
     }
 
     /// What each ray hits. Fails if a ray does not come to its end, or starts beyond the plan's reach.
@@ -153,7 +184,7 @@ impl<'a> RayLists<'a> {
 
     fn dispatch(&self, kernel: &str, rays: &Buffer, hits: &Buffer, range: Range) -> Result<Totals> {
         let kernel = find_kernel(kernel)?;
-        let pipeline = Pipeline::new(self.device, kernel, &self.plan.constants, size_of::<Range>() as u32)?;
+        let pipeline = self.compiled.of(self.device, kernel, self.plan)?;
         let bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
         let counters = Buffer::new(self.device, "counters", BufferUse::Storage, bytes)?;
         let geometry = |binding, buffer| {

@@ -57,12 +57,17 @@ pub fn place_corners(
     placement: &Placement,
     ids: impl IndexedParallelIterator<Item = u32>,
 ) -> Vec<Corners> {
-    let corner = |index: u32| placement.point(mesh.positions[index as usize]).as_vec3().to_array();
     ids.map(|id| {
-        let [a, b, c] = mesh.triangles[id as usize].map(corner);
+        let [a, b, c] = corners_of(mesh, placement, id);
         Corners { a, id, b, pad0: 0, c, pad1: 0 }
     })
     .collect()
+}
+
+/// The corners of a triangle (its place in the file) in device units.
+pub fn corners_of(mesh: &Mesh, placement: &Placement, id: u32) -> [[f32; 3]; 3] {
+    mesh.triangles[id as usize]
+        .map(|index| placement.point(mesh.positions[index as usize]).as_vec3().to_array())
 }
 
 #[cfg(test)]

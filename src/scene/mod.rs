@@ -2,6 +2,7 @@
 
 pub mod camera;
 pub mod condition;
+pub mod digits;
 pub mod obj;
 pub mod procedural;
 pub mod rays;
