@@ -8,6 +8,8 @@ mod matrix;
 mod measure;
 mod offset;
 mod random;
+mod shapes;
+mod sight;
 mod size;
 mod slabs;
 mod stack;
@@ -19,6 +21,7 @@ use crate::lab::figure::Figure;
 use crate::render::choices::Method;
 use crate::vk::{Device, DeviceKind};
 
+pub use bits::Earlier;
 pub use matrix::{Case, Row, Verdict};
 
 /// A failure that is provoked, and what it takes to count it.
@@ -66,6 +69,8 @@ pub struct Lab<'a> {
     pub size: (u32, u32),
     /// Methods that take part beside `auto`; none: all of them.
     pub methods: Vec<Method>,
+    /// What another device made of the pictures of `bits`.
+    pub with: Option<&'a Earlier>,
     /// Hears what is at hand and how much of the experiment is done, in [0, 1].
     pub observe: &'a dyn Fn(&str, f64),
 }
