@@ -26,10 +26,6 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Ambient rays of a pixel.
-const SAMPLES: u32 = 128;
-/// Frames before and after a move: as many rays in all.
-const FRAMES: u32 = SAMPLES / FRAME_SAMPLES / 2;
 /// The original's orbiter where it is not told otherwise.
 const ORBIT: Camera = Camera::Orbit { rx: 20.0, ry: 140.0 };
 /// How far the camera orbits between two pictures, degrees.
@@ -80,7 +76,7 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
             if !variant.all && view.kind != Kind::Plane {
                 continue;
             }
-            let job = Job { camera: view.camera, ..lab.job(&view.scene, size(lab), SAMPLES) };
+            let job = Job { camera: view.camera, ..lab.job(&view.scene, size(lab), samples(lab)) };
             let picture = match picture(lab, &view.scene, job, &variant.wishes) {
                 Ok(picture) => picture,
                 Err(error) => {
@@ -122,6 +118,11 @@ const NOTES: [&str; 2] = [
      corners and normals that do not turn cost by themselves",
     "the same with pixel centres and turned normals: its near and far plane and its limit of 1000 units alone",
 ];
+
+/// Ambient rays of a pixel: the more pixels, the farther chance leads one of them astray.
+fn samples(lab: &Lab<'_>) -> u32 {
+    if lab.device.adapter().kind == DeviceKind::Cpu { lab.pick(128, 256) } else { 512 }
+}
 
 fn size(lab: &Lab<'_>) -> (u32, u32) {
     match lab.device.adapter().kind {
@@ -272,14 +273,16 @@ fn moves(lab: &Lab<'_>, rays: u32) -> Result<Moves> {
         };
         lab.plan(job, &scene, &geometry, &mean(accumulator))
     };
-    let next = FRAMES * FRAME_SAMPLES;
+    // Before the move and after it, as many rays in all as of the other pictures.
+    let frames = samples(lab) / FRAME_SAMPLES / 2;
+    let next = frames * FRAME_SAMPLES;
     let mut cases: [Vec<Case>; 4] = Default::default();
     let mut figure = None;
     for &turn in turns {
         let name = format!("a move by {} degrees", digits(turn));
         let truth = sights(&scene, &orbit(turn), size(lab), rays);
         // What the program does: each picture is a render of its own.
-        let job = Job { camera: orbit(turn), ..lab.job(&scene, size(lab), SAMPLES) };
+        let job = Job { camera: orbit(turn), ..lab.job(&scene, size(lab), samples(lab)) };
         let auto = picture(lab, &scene, job, &Wishes::default())?;
         cases[0].push(judge(&name, &auto, &truth).0);
         let ways = [
@@ -290,7 +293,7 @@ fn moves(lab: &Lab<'_>, rays: u32) -> Result<Moves> {
         ];
         for ((accumulator, before), cases) in ways.into_iter().zip(&mut cases[1..]) {
             let [first, second] = [plan(before, 0, accumulator)?, plan(turn, next, accumulator)?];
-            let picture = without_reset(lab.device, &first, &second, FRAMES)?;
+            let picture = without_reset(lab.device, &first, &second, frames)?;
             let (case, fails) = judge(&name, &picture, &truth);
             let empty = |(place, sight): (usize, &Sight)| {
                 *sight == Sight::Nothing && f64::from(picture.light[place]) > SEEN

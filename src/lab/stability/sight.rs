@@ -20,7 +20,8 @@ pub(super) enum Sight {
     Doubtful,
 }
 
-/// A difference of light that is no noise with 256 or more samples a pixel.
+/// A difference of light that is no noise with 128 or more samples a pixel: the largest that some 10,000 pixels showed is
+/// 0.06, and 0.003 with 4,096 samples.
 pub(super) const SEEN: f64 = 0.1;
 
 /// How far rays are moved to tell whether rounding may decide, pixels.
