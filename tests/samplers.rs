@@ -4,13 +4,14 @@ mod common;
 
 use std::ops::Range;
 
-use common::{Twin, geometry, job, plan, run, scene_named, with_device};
+use common::{geometry, job, plan, run, scene_named, with_device};
 use cousu::layout::{NO_HIT, RayRecord};
 use cousu::reference;
 use cousu::render::choices::{Offset, Passes, Preset, Sampler, Wishes};
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
 use cousu::render::raylist::{Query, RayLists};
+use cousu::render::twin::Twin;
 
 const SAMPLERS: [Sampler; 4] = [Sampler::Pcg, Sampler::Sobol, Sampler::Strata, Sampler::Philox];
 

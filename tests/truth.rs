@@ -3,7 +3,7 @@
 mod common;
 
 use common::{
-    INTERSECTORS, Twin, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from,
+    INTERSECTORS, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from,
     scene_named, scene_of, with_device,
 };
 use cousu::layout::{Count, HitRecord, NO_HIT, RayRecord};
@@ -15,6 +15,7 @@ use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
 use cousu::render::raylist::{Query, RayLists, reach_of};
 use cousu::render::seeds::{hash, lcg_seeds};
+use cousu::render::twin::Twin;
 use cousu::scene::{Mesh, Scene, obj};
 use cousu::vk::{Device, DeviceKind};
 use glam::DVec3;

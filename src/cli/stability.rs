@@ -11,7 +11,7 @@ use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
 use crate::lab::figure::Figure;
 use crate::lab::scenes::procedural;
-use crate::lab::stability::{EXPERIMENTS, Experiment, Findings, Lab, usual_size};
+use crate::lab::stability::{EXPERIMENTS, Earlier, Experiment, Findings, Lab, usual_size};
 use crate::render::choices::Method;
 use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::manifest::Manifest;
@@ -40,6 +40,9 @@ pub struct Arguments {
     /// Width and height of the pictures in pixels [default: 1024x640; on a CPU device 160x100]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
+    /// A stability.json of another device, with whose pictures `bits` compares this one's
+    #[arg(long, value_name = "FILE")]
+    with: Option<PathBuf>,
     /// A first look: fewer trials
     #[arg(long)]
     quick: bool,
@@ -73,6 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Outputs { folder: &arguments.output, json: arguments.json.as_deref().filter(|_| !to_stdout) };
     outputs.check()?;
     let scenes = arguments.scenes.iter().map(|path| Scene::load(path)).collect::<Result<Vec<_>>>()?;
+    let with = arguments.with.as_deref().map(Earlier::read).transpose()?;
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let size = arguments.size.unwrap_or(usual_size(adapter.kind, arguments.quick));
@@ -103,6 +107,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             size,
             scenes: &scenes,
             methods: arguments.methods.clone(),
+            with: with.as_ref(),
             observe: &observe,
         };
         let start = Instant::now();

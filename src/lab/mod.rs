@@ -5,6 +5,7 @@ pub mod chart;
 pub mod claims;
 pub mod compare;
 pub mod figure;
+pub mod ghosts;
 pub mod interleave;
 pub mod scenes;
 pub mod stability;

@@ -224,7 +224,7 @@ pub(super) fn pixels_of(format: ImageFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 /// Pixel ranges whose buffers a descriptor can show whole.
-pub(super) fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
+pub fn bands(plan: &Plan<'_>, device: &Device) -> Vec<(u32, u32)> {
     let group = u64::from(layout::WORKGROUP_SIZE);
     let largest_record = match plan.settings.passes {
         Passes::Staged => size_of::<RayRecord>(),

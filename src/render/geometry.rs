@@ -63,6 +63,12 @@ impl Geometry {
                 scene.mesh.triangles.len()
             )));
         }
+        if scene.mesh.triangles.is_empty() {
+            return Err(Error::input(format!(
+                "{} has no triangles: give a scene that has some.",
+                scene.path
+            )));
+        }
         let placement = if conditioned { Placement::conditioned(&scene.bounds) } else { Placement::IDENTITY };
         let mut placed = condition::place(&scene.mesh, &placement);
         // The original took them as they were.

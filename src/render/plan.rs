@@ -52,6 +52,9 @@ pub struct Tuning {
     pub waits_between: bool,
     /// Bytes in the place of the triangle array, at least as many.
     pub triangles: Option<Vec<u8>>,
+    /// Nothing is cut for the driver's limit on loops, and rays that did not come to their end are left out: what a
+    /// renderer does that knows of neither.
+    pub unguarded: bool,
 }
 
 /// Plain data that an executor turns into pixels.

@@ -200,6 +200,6 @@ fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
         samples,
         least_workgroups,
         workgroups: limits.workgroups,
-        loop_iterations: limits.loop_iterations,
+        loop_iterations: limits.loop_iterations.filter(|_| !plan.tuning.unguarded),
     }
 }

@@ -4,6 +4,7 @@ use super::{Evidence, FIGURES, Lab, Verdict};
 use crate::bvh::Builder;
 use crate::error::Result;
 use crate::lab::figure::Figure;
+use crate::lab::ghosts::without_reset;
 use crate::lab::interleave::digits;
 use crate::layout::FRAME_SAMPLES;
 use crate::render::choices::{Accumulator, Preset, Sampler, Wishes};
@@ -128,13 +129,7 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
     };
     let second = plan(TURN, frames, 0)?;
     let after = |turn: f64, seed: u32| -> Result<Picture> {
-        let first = plan(turn, 0, seed)?;
-        let before = Stage::new(lab.device, &first)?;
-        run(&before, frames)?;
-        let mut stage = Stage::new(lab.device, &second)?;
-        stage.take_means_of(before);
-        run(&stage, frames)?;
-        Ok(Picture::new(second.tiles, &Accumulated::Means(stage.means()?.unwrap_or_default())))
+        without_reset(lab.device, &plan(turn, 0, seed)?, &second, frames)
     };
     let (ghost, clean, noise) = (after(0.0, 0)?, after(TURN, 0)?, after(TURN, 1)?);
     let pairs = |other: &Picture| -> Vec<(f32, f32)> {
@@ -168,14 +163,6 @@ pub fn ghosts(lab: &Lab<'_>) -> Result<Evidence> {
         .number("empty_pixels", empty)
         .number("empty_pixels_lit", haunted)
         .figure(Figure::beside(FIGURES[0], lab.size, &panels)))
-}
-
-fn run(stage: &Stage<'_>, frames: u32) -> Result<()> {
-    let mut repeated = Repeated::new(stage)?;
-    for _ in 0..frames {
-        repeated.frame()?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

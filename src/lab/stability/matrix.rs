@@ -40,6 +40,9 @@ pub struct Case {
     /// Whatever else there is to say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+    /// The picture's counts, where a run on another device is to be compared with it (`bits`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
 }
 
 /// A variant in an experiment.

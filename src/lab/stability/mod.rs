@@ -9,6 +9,8 @@ mod matrix;
 mod measure;
 mod offset;
 mod random;
+mod shapes;
+mod sight;
 mod size;
 mod slabs;
 mod stack;
@@ -21,6 +23,7 @@ use crate::render::choices::Method;
 use crate::scene::Scene;
 use crate::vk::{Device, DeviceKind};
 
+pub use bits::Earlier;
 pub use matrix::{Case, Row, Verdict};
 
 /// A failure that is provoked, and what it takes to count it.
@@ -70,6 +73,8 @@ pub struct Lab<'a> {
     pub methods: Vec<Method>,
     /// Further scenes, for the experiments that take any.
     pub scenes: &'a [Scene],
+    /// What another device made of the pictures of `bits`.
+    pub with: Option<&'a Earlier>,
     /// Hears what is at hand and how much of the experiment is done, in [0, 1].
     pub observe: &'a dyn Fn(&str, f64),
 }

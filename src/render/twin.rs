@@ -1,0 +1,50 @@
+//! What the shaders' twin on the CPU needs to render a plan.
+
+use super::choices::{Intersector, Method, Offset, Preset, Slabs};
+use super::plan::{Plan, sampler_code};
+use crate::pack::NodeArrays;
+use crate::reference::{Choices, Inputs, Traversal};
+
+/// Packed arrays of a plan for the twin.
+pub struct Twin {
+    tree: NodeArrays,
+}
+
+impl Twin {
+    pub fn new(plan: &Plan<'_>) -> Self {
+        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.frame.box_pad) }
+    }
+
+    pub fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
+        Inputs {
+            frame: &plan.frame,
+            triangles: &plan.geometry.triangles,
+            corners: plan.corners.unwrap_or(&[]),
+            tree: &self.tree,
+            choices: Self::choices(plan),
+        }
+    }
+
+    /// What the plan's kernels are specialized for.
+    pub fn choices(plan: &Plan<'_>) -> Choices {
+        Choices {
+            traversal: match plan.settings.method {
+                Method::Brute => Traversal::Brute,
+                Method::Stack(size) => Traversal::Stack { size },
+                Method::Threaded => Traversal::Threaded,
+                Method::SinglePush => Traversal::SinglePush,
+                Method::Ordered => Traversal::Ordered,
+                Method::Packet => Traversal::Packet,
+                Method::Postponed => Traversal::Postponed,
+                Method::Wide => Traversal::Wide,
+            },
+            original: plan.settings.preset.is_original(),
+            facing: plan.settings.preset != Preset::Original,
+            ulp_offset: plan.settings.offset == Offset::Ulp,
+            watertight: plan.settings.intersector == Intersector::Watertight,
+            conservative: plan.settings.intersector == Intersector::Conservative,
+            robust_slabs: plan.settings.slabs == Slabs::Robust,
+            sampler: sampler_code(plan.settings.sampler),
+        }
+    }
+}
