@@ -21,4 +21,5 @@ pub mod spans;
 pub mod stage;
 pub mod tally;
 pub mod tiles;
+pub mod twin;
 pub mod work;

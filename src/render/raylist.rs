@@ -1,10 +1,13 @@
 //! Lists of rays on a Vulkan device: the rays that a plan would trace, and what they hit.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use super::plan::{Plan, traversal_name};
 use super::stage::Uploaded;
 use super::tally::Totals;
 use crate::error::{Error, Result};
-use crate::kernels::find_kernel;
+use crate::kernels::{Kernel, find_kernel};
 use crate::layout::{
     self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES,
     Counters, HitRecord, Range, RayRecord, STAGE_ANY, STAGE_CLOSEST, WORKGROUP_SIZE,
@@ -69,6 +72,8 @@ pub struct RayLists<'a> {
     plan: &'a Plan<'a>,
     uploaded: Uploaded,
     frame: Buffer,
+    /// By the names of their kernels, made when first asked for.
+    pipelines: RefCell<Vec<(&'static str, Rc<Pipeline>)>>,
 }
 
 impl<'a> RayLists<'a> {
@@ -83,13 +88,31 @@ impl<'a> RayLists<'a> {
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
             device,
             plan,
+            pipelines: RefCell::default(),
         })
+    }
+
+    fn pipeline(&self, kernel: &'static Kernel) -> Result<Rc<Pipeline>> {
+        let mut made = self.pipelines.borrow_mut();
+        if let Some((_, pipeline)) = made.iter().find(|(name, _)| *name == kernel.name) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline =
+            Rc::new(Pipeline::new(self.device, kernel, &self.plan.constants, size_of::<Range>() as u32)?);
+        made.push((kernel.name, pipeline.clone()));
+        Ok(pipeline)
     }
 
     /// What each ray hits. Fails if a ray does not come to its end.
     pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
+        Ok(self.trace_counting(query, rays)?.0)
+    }
+
+    /// The same, and how many of the rays lost a part of the tree to a full stack.
+    pub fn trace_counting(&self, query: Query, rays: &[RayRecord]) -> Result<(Vec<HitRecord>, u64)> {
         let kernel = trace_kernel(self.plan);
         let mut hits = Vec::with_capacity(rays.len());
+        let mut overflowed = 0;
         for piece in rays.chunks(MOST_RAYS) {
             let rays =
                 Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
@@ -101,8 +124,9 @@ impl<'a> RayLists<'a> {
             let asked = piece.iter().filter(|ray| ray.t_max >= 0.0).count() as u64;
             check_finished(&kernel, asked, finished)?;
             hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
+            overflowed += totals.overflowed;
         }
-        Ok(hits)
+        Ok((hits, overflowed))
     }
 
     /// The camera ray of each pixel number; beyond the image, rays that meet nothing.
@@ -146,7 +170,7 @@ impl<'a> RayLists<'a> {
 
     fn dispatch(&self, kernel: &str, rays: &Buffer, hits: &Buffer, range: Range) -> Result<Totals> {
         let kernel = find_kernel(kernel)?;
-        let pipeline = Pipeline::new(self.device, kernel, &self.plan.constants, size_of::<Range>() as u32)?;
+        let pipeline = self.pipeline(kernel)?;
         let bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
         let counters = Buffer::new(self.device, "counters", BufferUse::Storage, bytes)?;
         let geometry = |binding, buffer| {

@@ -4,14 +4,13 @@
 
 use std::io::Cursor;
 
-use cousu::pack::NodeArrays;
-use cousu::reference::{Choices, Inputs, Traversal};
 use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Intersector, Method, Offset, Preset, Slabs, Wishes};
+use cousu::render::choices::{Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
-use cousu::render::plan::{Job, Plan, sampler_code};
+use cousu::render::plan::{Job, Plan};
 use cousu::render::rounds::Goal;
+pub use cousu::render::twin::Twin;
 use cousu::scene::camera::Camera;
 use cousu::scene::procedural::{self, Request};
 use cousu::scene::{Mesh, Scene, obj};
@@ -130,42 +129,4 @@ pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> 
 
 pub fn run(device: &Device, plan: &Plan<'_>) -> Outcome {
     execute::run(device, plan, &mut |_| {}).expect("the render")
-}
-
-/// Packed arrays for the twin.
-pub struct Twin {
-    tree: NodeArrays,
-}
-
-impl Twin {
-    pub fn new(plan: &Plan<'_>) -> Self {
-        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.frame.box_pad) }
-    }
-
-    pub fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
-        Inputs {
-            frame: &plan.frame,
-            triangles: &plan.geometry.triangles,
-            corners: plan.corners.unwrap_or(&[]),
-            tree: &self.tree,
-            choices: Choices {
-                traversal: match plan.settings.method {
-                    Method::Brute => Traversal::Brute,
-                    Method::Stack(size) => Traversal::Stack { size },
-                    Method::Threaded => Traversal::Threaded,
-                    Method::SinglePush => Traversal::SinglePush,
-                    Method::Ordered => Traversal::Ordered,
-                    Method::Packet => Traversal::Packet,
-                    Method::Postponed => Traversal::Postponed,
-                    Method::Wide => Traversal::Wide,
-                },
-                original: plan.settings.preset.is_original(),
-                facing: plan.settings.preset != Preset::Original,
-                ulp_offset: plan.settings.offset == Offset::Ulp,
-                watertight: plan.settings.intersector == Intersector::Watertight,
-                robust_slabs: plan.settings.slabs == Slabs::Robust,
-                sampler: sampler_code(plan.settings.sampler),
-            },
-        }
-    }
 }
