@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    INTERSECTORS, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from,
-    scene_named, scene_of, with_device,
+    INTERSECTORS, every_traversal, geometry, job, pinhole, plan, plan_decided, run, scene_from, scene_named,
+    scene_of, with_device,
 };
 use cousu::layout::{Count, HitRecord, NO_HIT, RayRecord};
 use cousu::reference;

@@ -59,9 +59,11 @@ uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
     return index + (bit2 << 2) + (bit3 << 3) + (bit4 << 4);
 }
 
-// A pixel has two sequences under seeds of their own, one for each half of its samples.
+// A pixel has two sequences under seeds of their own, one for each half of its samples. A seed's low bits turn the first
+// digits, and pcg4d's low bits are its weak ones, alike in pixels whose numbers are near: so its halves change places.
 vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {
-    uvec4 seeds = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
+    uvec4 words = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
+    uvec4 seeds = (words << 16) | (words >> 16);
     uvec2 seed = (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
     uint index = sample_index >> 1;
     uint samples = set.y - set.x;

@@ -63,7 +63,7 @@ pub fn sobol_index(first: u32, place: u32, bits: u32, seeds: [u32; 2]) -> u32 {
 
 /// A pixel has two sequences under seeds of their own, one for each half of its samples.
 pub fn sobol_numbers(inputs: &Inputs, pixel: u32, sample: u32, set: &Range<u32>) -> Vec2 {
-    let [x, y, z, w] = pcg4d([pixel, 0, KEY_SOBOL, inputs.frame.seed]);
+    let [x, y, z, w] = pcg4d([pixel, 0, KEY_SOBOL, inputs.frame.seed]).map(|word| word.rotate_left(16));
     let seeds = if sample & 1 == 0 { [x, y] } else { [z, w] };
     let (samples, first) = (set.end - set.start, set.start >> 1);
     let mut index = sample >> 1;

@@ -2,7 +2,7 @@
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
 use super::choices::{
-    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
+    Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
 };
 use super::geometry::Geometry;
 use crate::bvh::Builder;
@@ -229,10 +229,11 @@ fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) 
 pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) -> Result<()> {
     match method {
         Method::Stack(entries) if entries < geometry.stack_bound && !allow_overflow => {
+            let needed = geometry.stack_bound;
+            let deep_enough = if needed > MOST_STACK { String::new() } else { format!("stack{needed} or ") };
             Err(Error::usage(format!(
-                "{method} can overflow: this tree needs up to {} entries; choose --method stack{} or threaded, or \
-             pass --allow-overflow to drop pushes and count the rays that it touches.",
-                geometry.stack_bound, geometry.stack_bound
+                "{method} can overflow: this tree needs up to {needed} entries; choose --method {deep_enough}threaded, \
+                 or pass --allow-overflow to drop pushes and count the rays that it touches."
             )))
         }
         _ => Ok(()),

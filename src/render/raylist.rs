@@ -125,9 +125,15 @@ impl<'a> RayLists<'a> {
 
     /// What each ray hits. Fails if a ray does not come to its end, or starts beyond the plan's reach.
     pub fn trace(&self, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
+        Ok(self.trace_counting(query, rays)?.0)
+    }
+
+    /// The same, and how many of the rays lost a part of the tree to a full stack.
+    pub fn trace_counting(&self, query: Query, rays: &[RayRecord]) -> Result<(Vec<HitRecord>, u64)> {
         self.plan.check_reach(reach_of(rays))?;
         let kernel = trace_kernel(self.plan);
         let mut hits = Vec::with_capacity(rays.len());
+        let mut overflowed = 0;
         for piece in rays.chunks(MOST_RAYS) {
             let rays =
                 Buffer::with_content(self.device, "rays", BufferUse::Storage, bytemuck::cast_slice(piece))?;
@@ -139,8 +145,9 @@ impl<'a> RayLists<'a> {
             let asked = piece.iter().filter(|ray| ray.t_max >= 0.0).count() as u64;
             check_finished(&kernel, asked, finished)?;
             hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
+            overflowed += totals.overflowed;
         }
-        Ok(hits)
+        Ok((hits, overflowed))
     }
 
     /// The camera ray of each pixel number; beyond the image, rays that meet nothing.

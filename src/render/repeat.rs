@@ -30,6 +30,8 @@ pub struct Repeated<'a> {
     stage: &'a Stage<'a>,
     bands: Vec<Band<'a>>,
     frames: u32,
+    /// Samples of every pixel so far.
+    samples: u32,
 }
 
 impl<'a> Repeated<'a> {
@@ -48,21 +50,26 @@ impl<'a> Repeated<'a> {
                 }
             }
         }
-        Ok(Self { stage, bands: made, frames: 0 })
+        Ok(Self { stage, bands: made, frames: 0, samples: 0 })
     }
 
     /// Renders the next frame. Passes that keep the camera rays' hits trace them in the first frame only, and after
     /// [`Self::forget_hits`].
     pub fn frame(&mut self) -> Result<FrameCost> {
-        let job = &self.stage.plan.job;
-        let each = job.samples.len() as u32;
-        let begin = job.samples.start + self.frames * each;
+        let cost = self.advance(self.stage.plan.job.samples.len() as u32)?;
+        self.frames += 1;
+        Ok(cost)
+    }
+
+    /// Renders so many further samples, which are one set.
+    pub fn advance(&mut self, samples: u32) -> Result<FrameCost> {
+        let begin = self.stage.plan.job.samples.start + self.samples;
         let mut ignore = |_: &_| {};
         let mut tally = Tally::new(self.stage.plan, &mut ignore);
         for band in &self.bands {
-            band.render(begin..begin + each, &mut tally)?;
+            band.render(begin..begin + samples, &mut tally)?;
         }
-        self.frames += 1;
+        self.samples += samples;
         let Tally { totals, kernels, repeats, .. } = tally;
         Ok(FrameCost { kernels: kernels.into_values().collect(), totals, repeats })
     }
@@ -79,7 +86,7 @@ impl<'a> Repeated<'a> {
 
     /// Counts of each pixel so far, in the order of the pixels' numbers; none where means are kept.
     pub fn counts(&self) -> Result<Vec<Count>> {
-        let samples = u64::from(self.frames) * self.stage.plan.job.samples.len() as u64;
+        let samples = u64::from(self.samples);
         let mut all = Vec::new();
         for band in &self.bands {
             all.extend(band.counts(|_| samples)?);

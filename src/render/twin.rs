@@ -3,6 +3,7 @@
 use super::choices::{Intersector, Method, Offset, Preset, Slabs};
 use super::plan::{Plan, sampler_code};
 use crate::pack::NodeArrays;
+use crate::reference::exact::{Rules, Shapes, Truth};
 use crate::reference::{Choices, Inputs, Traversal};
 
 /// Packed arrays of a plan for the twin.
@@ -10,9 +11,19 @@ pub struct Twin {
     tree: NodeArrays,
 }
 
+/// f64 brute force that judges answers of the plan's kernels.
+pub fn truth<'a>(plan: &'a Plan<'_>) -> Truth<'a> {
+    let triangles = match (plan.settings.intersector, plan.corners) {
+        (Intersector::Watertight, Some(corners)) => Shapes::Corners(corners),
+        (Intersector::Conservative, _) => Shapes::Conservative(&plan.geometry.triangles),
+        _ => Shapes::Edges(&plan.geometry.triangles),
+    };
+    Truth { triangles, rules: Rules { box_pad: plan.frame.box_pad, robust_slabs: true } }
+}
+
 impl Twin {
     pub fn new(plan: &Plan<'_>) -> Self {
-        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.frame.box_pad) }
+        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.node_pad()) }
     }
 
     pub fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {

@@ -10,6 +10,7 @@ use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan};
 use cousu::render::rounds::Goal;
+pub use cousu::render::twin::Twin;
 use cousu::scene::camera::Camera;
 use cousu::scene::procedural::{self, Request};
 use cousu::scene::{Mesh, Scene, obj};

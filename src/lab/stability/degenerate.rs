@@ -9,13 +9,13 @@ use super::{Case, Experiment, Findings, Lab, Row};
 use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::lab::scenes::{procedural, scene_of};
-use crate::layout::{Count, HitRecord, NO_HIT, RayRecord};
-use crate::reference::exact::{ExactClosest, Meeting, Rules, Truth, Verdict as Exactly};
+use crate::layout::{Count, HitRecord, RayRecord};
 use crate::render::choices::{Accumulator, Intersector, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::{Accumulated, Picture};
 use crate::render::plan::{Job, Plan};
 use crate::render::raylist::{Query, RayLists};
+use crate::render::twin::truth;
 use crate::scene::rays::FileRay;
 use crate::scene::{Mesh, Scene};
 use cabinet::{Cabinet, KINDS, Numbers, VIEW, aimed, mesh_of};
@@ -94,6 +94,7 @@ fn case(name: impl Into<String>, verdicts: &[std::result::Result<(), String>]) -
         failures,
         worst: Some(1e6 * failures as f64 / (trials as f64).max(1.0)),
         note: verdicts.iter().find_map(|verdict| verdict.clone().err()),
+        ..Case::default()
     }
 }
 
@@ -138,52 +139,12 @@ impl Trial {
 
 /// Whether the answers are those of f64 within its bound.
 fn judge(plan: &Plan<'_>, rays: &[RayRecord], answers: &[HitRecord]) -> Vec<std::result::Result<(), String>> {
-    let rules = Rules { box_pad: plan.frame.box_pad, robust_slabs: true };
-    let truth = Truth { triangles: &plan.geometry.triangles, rules };
-    let watertight = plan.settings.intersector == Intersector::Watertight;
+    let truth = truth(plan);
     let verdict = |(ray, answer): (&RayRecord, &HitRecord)| {
         numbers_only(answer)?;
-        let exact = truth.closest(ray);
-        if watertight { agrees_where_sure(&truth, ray, &exact, answer) } else { exact.accepts(answer) }
+        truth.closest(ray).accepts(answer)
     };
     rays.par_iter().zip(answers).map(verdict).collect()
-}
-
-/// The bound is that of Möller and Trumbore's arithmetic. Another's answer must agree where theirs is this far from any
-/// doubt.
-const FAR: f64 = 16.0;
-/// Starts nearer to a plane may lie on either side of it for the watertight one, device units.
-const ON_PLANE: f64 = 1e-6;
-
-/// The watertight intersector takes the distance from the barycentric coordinates, so that it is off as they are.
-fn agrees_where_sure(
-    truth: &Truth<'_>,
-    ray: &RayRecord,
-    exact: &ExactClosest,
-    answer: &HitRecord,
-) -> std::result::Result<(), String> {
-    let length = |v: [f32; 3]| DVec3::from(v.map(f64::from)).length();
-    if exact.edge_margin < FAR
-        || answer.index != NO_HIT && f64::from(answer.t) * length(ray.direction) < ON_PLANE
-    {
-        return Ok(());
-    }
-    let met = exact.candidates.iter().find(|candidate| candidate.index == answer.index);
-    match (exact.certain, met.map(|candidate| candidate.verdict)) {
-        (None, None) if answer.index == NO_HIT => Ok(()),
-        (Some((first, nearest)), Some(Exactly::Hit(meeting))) => {
-            let slack = |index: u32, meeting: &Meeting| {
-                let triangle = &truth.triangles[index as usize];
-                let along = meeting.u_error * length(triangle.ab) + meeting.v_error * length(triangle.ac);
-                FAR * (meeting.t_error + along / length(ray.direction))
-            };
-            let (own, first) = (slack(answer.index, &meeting), slack(first.index, &nearest));
-            let agrees =
-                (f64::from(answer.t) - meeting.t).abs() <= own && meeting.t - nearest.t <= own + first;
-            if agrees { Ok(()) } else { Err(format!("{answer:?}, but {nearest:?} is met")) }
-        }
-        (certain, _) => Err(format!("{answer:?}, but {certain:?} is met")),
-    }
 }
 
 /// The buffers of a render: counts that add up, and light in [0, 1].
@@ -331,7 +292,7 @@ fn terrain(lab: &Lab<'_>) -> Result<Vec<Case>> {
         trials: triangles as u64,
         failures: left_out,
         worst: Some(1e6 * left_out as f64 / triangles as f64),
-        note: None,
+        ..Case::default()
     };
     let plan = lab.plan(lab.job(&scene, lab.size, 4), &scene, &geometry, &wishes)?;
     let mut numbers = Numbers::new(lab.seed);

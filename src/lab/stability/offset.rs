@@ -196,6 +196,7 @@ fn answers(
         failures,
         worst: (trials > 0).then(|| 1e6 * failures as f64 / trials as f64),
         note: (!notes.is_empty()).then(|| notes.join("; ")),
+        ..Case::default()
     })
 }
 

@@ -155,7 +155,7 @@ impl Lattice {
             trials: trials as u64,
             failures: failures as u64,
             worst: Some(failures as f64 * 1e6 / trials.max(1) as f64),
-            note: None,
+            ..Case::default()
         })
     }
 }

@@ -160,6 +160,7 @@ fn case(lab: &Lab<'_>, mesh: &Closed<'_>, wishes: &Wishes) -> Result<Case> {
         failures,
         worst: Some(failures as f64 * 1e6 / trials as f64),
         note: wishes.intersector.is_none().then(|| format!("{note}, {}", plan.settings.method)),
+        ..Case::default()
     })
 }
 
