@@ -1,6 +1,7 @@
 //! `cousu stability`.
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Instant;
 
 use clap::Args;
@@ -106,6 +107,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             seed: arguments.seed,
             size,
             scenes: &scenes,
+            compiled: Rc::default(),
             methods: arguments.methods.clone(),
             with: with.as_ref(),
             observe: &observe,

@@ -139,7 +139,7 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
         v: v.value / size,
         t_error: t_error + SPARE * (EIGHT_ULP * t.abs() + TINY),
         // The point is brought into the triangle.
-        u_error: u.quotient_error(det, 3.0 * E) + granted[1] / size,
+        u_error: u.quotient_error(det, 3.0 * E) + granted.iter().sum::<f64>() / size,
         v_error: v.quotient_error(det, 3.0 * E) + granted.iter().sum::<f64>() / size,
         margin: least,
     };

@@ -182,6 +182,9 @@ mod tests {
         (find(name).unwrap().generate)(&Request { triangles, seed: 0 }).unwrap()
     }
 
+    /// Who wrote it, scale, shift, and what became of a number.
+    type Cut = (&'static str, f64, f64, fn(f64) -> f64);
+
     const DOUBLES: fn(f64) -> f64 = |x| x;
     const FLOATS: fn(f64) -> f64 = |x| f64::from(x as f32);
 
@@ -226,7 +229,7 @@ mod tests {
 
     #[test]
     fn digits_that_a_writer_cut_are_named() {
-        let cut: [(&str, f64, f64, fn(f64) -> f64); 6] = [
+        let cut: [Cut; 6] = [
             ("32-bit floats", 1.0, 1e4, FLOATS),
             ("32-bit floats", 1e-6, 1e6, FLOATS),
             ("32-bit floats", 1.0, 1e6, |x| decimals((x as f32).to_string())),

@@ -5,12 +5,11 @@
 use std::io::Cursor;
 
 use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Method, Preset, Wishes};
+use cousu::render::choices::{Intersector, Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan};
 use cousu::render::rounds::Goal;
-pub use cousu::render::twin::Twin;
 use cousu::scene::camera::Camera;
 use cousu::scene::procedural::{self, Request};
 use cousu::scene::{Mesh, Scene, obj};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::rc::Rc;
 
 use serde::Deserialize;
 use xxhash_rust::xxh3::xxh3_64;
@@ -238,7 +239,7 @@ fn compared(
         fails.contains(&true).then(|| Figure::of_failure("bits", &picture(&mine), &picture(&twin), &fails));
     for device in others {
         let adapter = device.adapter();
-        let theirs = Lab { device, methods: Vec::new(), with: None, ..*lab };
+        let theirs = Lab { device, methods: Vec::new(), with: None, compiled: Rc::default(), ..*lab };
         let name = case(&format!("{} ({})", adapter.name, adapter.driver));
         cases.push(match counts(&theirs) {
             Ok(theirs) => differing(name, &apart(tiles, &mine, &theirs)),

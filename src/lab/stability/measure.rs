@@ -81,7 +81,13 @@ impl Lab<'_> {
     /// What each ray meets.
     pub(super) fn trace(&self, plan: &Plan<'_>, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
         let plan = plan.clone().with_reach(reach_of(rays));
-        RayLists::new(self.device, &plan)?.trace(query, rays)
+        RayLists::new(self.device, &plan)?.sharing(&self.compiled).trace(query, rays)
+    }
+
+    /// Methods whose costs are measured: `brute` takes minutes on a CPU, and a first look has one.
+    pub(super) fn timed(&self, methods: &[Method]) -> Vec<Method> {
+        let trees = methods.iter().copied().filter(|method| *method != Method::Brute);
+        trees.take(if self.quick { 1 } else { usize::MAX }).collect()
     }
 
     /// Kernel times of frames of four rays from the scene's usual view with these choices, each over that of the first:

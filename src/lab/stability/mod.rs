@@ -17,9 +17,12 @@ mod stack;
 mod watertight;
 mod work;
 
+use std::rc::Rc;
+
 use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::render::choices::Method;
+use crate::render::raylist::Compiled;
 use crate::scene::Scene;
 use crate::vk::{Device, DeviceKind};
 
@@ -75,6 +78,8 @@ pub struct Lab<'a> {
     pub scenes: &'a [Scene],
     /// What another device made of the pictures of `bits`.
     pub with: Option<&'a Earlier>,
+    /// Kernels that were compiled for lists of rays.
+    pub compiled: Rc<Compiled>,
     /// Hears what is at hand and how much of the experiment is done, in [0, 1].
     pub observe: &'a dyn Fn(&str, f64),
 }

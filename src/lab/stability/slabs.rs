@@ -227,7 +227,7 @@ fn costs(lab: &Lab<'_>, methods: &[Method]) -> Result<Vec<(String, f64)>> {
     let scene = house(lab.seed)?;
     let geometry = lab.geometry(&scene, &Wishes::default())?;
     let mut costs = Vec::new();
-    for method in methods.iter().copied().filter(|method| *method != Method::Brute).map(Some).chain([None]) {
+    for method in lab.timed(methods).into_iter().map(Some).chain([None]) {
         let method = method.map(|method| fitted(method, &geometry));
         let wishes = |slabs| Wishes { method, slabs: Some(slabs), ..Wishes::default() };
         let pair = [("plain", wishes(Slabs::Plain)), ("robust", wishes(Slabs::Robust))];

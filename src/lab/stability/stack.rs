@@ -191,7 +191,7 @@ fn trap(lab: &Lab<'_>, name: &str, scene: Scene) -> Result<Trap> {
         _ => lab.pick(1 << 14, 1 << 16),
     };
     let rays = [0, 1].map(|query| rays_at(&tree, count, lab.seed.wrapping_add(query)));
-    let camera = Camera::Pinhole { eye: [0.0, 0.0, 3.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 40.0 };
+    let camera = Camera::Pinhole { eye: [0.0, 0.0, 3.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 30.0 };
     finish(lab, name, scene, camera, tree, rays)
 }
 
@@ -476,7 +476,12 @@ fn add_costs(lab: &Lab<'_>, house: &Trap, variants: &[What], rows: &mut [Row]) {
     let (width, height) = lab.size;
     // brute takes long on a CPU.
     let size = if lab.device.adapter().kind == DeviceKind::Cpu { (width / 4, height / 4) } else { lab.size };
-    let small = Lab { size: (size.0.max(8), size.1.max(8)), methods: Vec::new(), ..*lab };
+    let small = Lab {
+        size: (size.0.max(8), size.1.max(8)),
+        methods: Vec::new(),
+        compiled: lab.compiled.clone(),
+        ..*lab
+    };
     let refused = |what: &What| matches!(what, What::Short(_, false));
     let ran = variants.iter().zip(&*rows);
     let ran = ran.filter(|(what, row)| !refused(what) && row.verdict != Verdict::NotDecided);

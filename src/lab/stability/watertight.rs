@@ -54,7 +54,7 @@ fn aimed(corners: &[Corners], origins: &[Vec3], i: u32, seed: u32) -> RayRecord 
     let at = &corners[(random(0) * corners.len() as f64) as usize];
     let [a, b, c] = [at.a, at.b, at.c].map(|corner| Vec3::from(corner).as_dvec3());
     let [from, to] = [[a, b], [b, c], [c, a]][(i / 2 % 3) as usize];
-    let target = if i % 2 == 0 { from } else { from.lerp(to, random(1)) };
+    let target = if i.is_multiple_of(2) { from } else { from.lerp(to, random(1)) };
     let origin = origins[(random(2) * origins.len() as f64) as usize];
     let direction = (target - origin.as_dvec3()).as_vec3();
     let beside = |component: f32, k: u32| match i % 4 {
@@ -170,11 +170,7 @@ fn costs(lab: &Lab<'_>, methods: &[Method]) -> Result<Vec<(String, f64)>> {
     let scene = house(lab.seed)?;
     let geometry = lab.geometry(&scene, &Wishes::default())?;
     let mut costs = Vec::new();
-    for method in methods.iter().copied().map(Some).chain([None]) {
-        // Every triangle against every ray would take minutes on a CPU.
-        if method == Some(Method::Brute) {
-            continue;
-        }
+    for method in lab.timed(methods).into_iter().map(Some).chain([None]) {
         let method = method.map(|method| match method {
             Method::Stack(_) => Method::Stack(geometry.stack_bound.max(1)),
             other => other,
