@@ -75,9 +75,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let to_stdout = arguments.json.as_deref() == Some(Path::new("-"));
     let outputs =
         Outputs { folder: &arguments.output, json: arguments.json.as_deref().filter(|_| !to_stdout) };
-    outputs.check()?;
+    let inputs: Vec<&Path> = arguments.scenes.iter().chain(&arguments.with).map(PathBuf::as_path).collect();
+    outputs.check(&inputs)?;
     let scenes = arguments.scenes.iter().map(|path| Scene::load(path)).collect::<Result<Vec<_>>>()?;
     let with = arguments.with.as_deref().map(Earlier::read).transpose()?;
+    if let Some(earlier) = &with {
+        earlier.check(arguments.quick, arguments.seed)?;
+    }
     let device = session::open(&arguments.device)?;
     let adapter = device.adapter();
     let size = arguments.size.unwrap_or(usual_size(adapter.kind, arguments.quick));
@@ -113,7 +117,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             observe: &observe,
         };
         let start = Instant::now();
-        let Findings { rows, figures } = experiment.run(&lab);
+        let Findings { rows, figures } = experiment.run(&lab)?;
         meter.borrow_mut().clear();
         if !to_stdout {
             super::print(&table(experiment, &rows))?;
@@ -153,11 +157,11 @@ impl Outputs<'_> {
     }
 
     /// Places that can't be written are told before the work begins.
-    fn check(&self) -> Result<()> {
+    fn check(&self, inputs: &[&Path]) -> Result<()> {
         folder(self.folder)?;
         let all: Vec<PathBuf> = self.tables().chain([self.csv()]).collect();
         let all: Vec<&Path> = all.iter().map(PathBuf::as_path).collect();
-        refuse_overwriting(&all, &[])?;
+        refuse_overwriting(&all, inputs)?;
         all.iter().try_for_each(|path| Output::claim(path).map(drop))
     }
 

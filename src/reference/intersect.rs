@@ -31,9 +31,10 @@ pub fn error_of(direction: Vec3) -> f32 {
 /// Möller and Trumbore (1997): [det, t det, u det, v det] of a hit.
 ///
 /// With `conservative`, u det and v det may be as far below 0, and their sum as far above det, as their errors allow:
-/// ab . (d x ac) has that of s, with ab in its place. So a triangle that the exact ray meets at t > 0 is met, and of a
-/// closed surface at least one; a triangle may also be met by a ray that passes it within twice the errors. Bounds hold
-/// while no product underflows. The point is brought into the triangle.
+/// ab . (d x ac) has that of s, with ab in its place. So a triangle that the exact ray meets is met, and of a closed surface at
+/// least one, if t det and det are further from 0 than their errors: unless the ray starts on the triangle's plane or runs within
+/// it, as far as f32 can tell. A triangle may also be met by a ray that passes it within twice the errors. Bounds hold while no
+/// product underflows. The point is brought into the triangle.
 fn meets_moller(ray: &Ray, triangle: &Triangle, conservative: bool) -> Option<[f32; 4]> {
     let (a, ab, ac) = (Vec3::from(triangle.a), Vec3::from(triangle.ab), Vec3::from(triangle.ac));
     let p = cross3(ray.direction, ac);

@@ -188,7 +188,7 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
 /// All see the same triangles but for rays within some roundings of an edge.
 fn choose_intersector(geometry: &Geometry) -> (Intersector, &'static str) {
     if geometry.shares_edges {
-        (Intersector::Conservative, "triangles share edges, and no ray may pass between them")
+        (Intersector::Conservative, "triangles may share edges, and no ray may pass between them")
     } else {
         (Intersector::Moller, "no two triangles share an edge that rays could pass through")
     }

@@ -99,7 +99,7 @@ impl Geometry {
             quality: OnceLock::new(),
             build_ms,
             without_area,
-            shares_edges: shares_edges(&scene.mesh),
+            shares_edges: shares_edges(&scene.mesh, &placement),
             copies,
         })
     }
@@ -144,9 +144,12 @@ impl Geometry {
 /// Triangles that are looked at for a shared edge; scenes without one have next to none.
 const LOOKED_AT: usize = 1 << 20;
 
-/// Whether two triangles have the positions of an edge in common. Taken for granted where that would take long to find out.
-fn shares_edges(mesh: &Mesh) -> bool {
-    let bits = |corner: u32| mesh.positions[corner as usize].to_array().map(f64::to_bits);
+/// Whether two triangles, as they are placed, have the positions of an edge in common. Taken for granted where that would take long to find out.
+fn shares_edges(mesh: &Mesh, placement: &Placement) -> bool {
+    // Both zeros are one position.
+    let bits = |corner: u32| {
+        (placement.point(mesh.positions[corner as usize]).as_vec3() + 0.0).to_array().map(f32::to_bits)
+    };
     let mut edges = HashSet::new();
     let mut is_new = |from: u32, to: u32| {
         let [from, to] = [bits(from), bits(to)];

@@ -361,6 +361,11 @@ fn check_job(job: &Job, settings: &Settings, limits: &Limits) -> Result<()> {
             "The original gives each pixel the same number of rays: leave --adaptive or --preset out.",
         ));
     }
+    if settings.preset.is_original() && settings.intersector == Intersector::Conservative {
+        return Err(Error::usage(
+            "The original's intersector grants no errors: choose --intersector moller or watertight, or leave --preset out.",
+        ));
+    }
     if settings.preset.is_original() && !samples.is_multiple_of(layout::FRAME_SAMPLES) {
         return Err(Error::usage(format!(
             "The original traces {} rays a frame: choose a multiple of it for each camera ray's rays (--spp, over --antialias), not {samples}.",

@@ -106,9 +106,11 @@ fn turned(p: DVec3) -> DVec3 {
 
 /// Whether every edge is shared by as many triangles one way round as the other.
 pub fn is_closed(mesh: &Mesh) -> bool {
-    let mut edges: HashMap<[u32; 2], i64> = HashMap::new();
-    for &[a, b, c] in &mesh.triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
+    // Files may repeat a corner for each of its triangles.
+    let position = |corner: &u32| (mesh.positions[*corner as usize] + 0.0).to_array().map(f64::to_bits);
+    let mut edges: HashMap<[[u64; 3]; 2], i64> = HashMap::new();
+    for [a, b, c] in &mesh.triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]].map(|ends| ends.map(position)) {
             *edges.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 };
         }
     }

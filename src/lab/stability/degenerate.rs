@@ -70,18 +70,9 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
     Ok(Findings { rows, figures: vec![figure(lab, &cabinet)?] })
 }
 
-/// Cases that could not be run are told, and are no failures: the sentence says what to do.
 fn row(name: &str, cases: Result<Vec<Case>>) -> Row {
     match cases {
-        Ok(cases) => {
-            let refused: Vec<String> = cases
-                .iter()
-                .filter(|case| case.trials == 0)
-                .map(|case| format!("{}: {}", case.case, case.note.as_deref().unwrap_or("not run")))
-                .collect();
-            let row = Row::of(name, cases);
-            if refused.is_empty() { row } else { row.noting(refused.join("; ")) }
-        }
+        Ok(cases) => Row::of(name, cases),
         Err(error) => Row::refused(name, error.to_string()),
     }
 }

@@ -72,10 +72,15 @@ impl Row {
             .filter(|case| case.worst.is_some())
             .max_by(|a, b| a.worst.unwrap_or(0.0).total_cmp(&b.worst.unwrap_or(0.0)));
         let verdict = match (trials, failures) {
-            (0, _) => Verdict::NotDecided,
-            (_, 0) => Verdict::Survives,
-            _ => Verdict::Fails,
+            (_, 1..) => Verdict::Fails,
+            (0, 0) => Verdict::NotDecided,
+            _ => Verdict::Survives,
         };
+        let left_out: Vec<String> = cases
+            .iter()
+            .filter(|case| case.trials == 0)
+            .map(|case| format!("{}: {}", case.case, case.note.as_deref().unwrap_or("not run")))
+            .collect();
         Self {
             variant: variant.into(),
             trials,
@@ -84,7 +89,7 @@ impl Row {
             worst_case: worst.map(|case| case.case.clone()),
             gpu_ms_ratio: None,
             verdict,
-            note: None,
+            note: (!left_out.is_empty()).then(|| left_out.join("; ")),
             cases,
         }
     }
@@ -103,8 +108,13 @@ impl Row {
         Self { gpu_ms_ratio, ..self }
     }
 
+    /// With one more thing to say.
     pub fn noting(self, note: impl Into<String>) -> Self {
-        Self { note: Some(note.into()), ..self }
+        let note = match self.note {
+            Some(before) => format!("{before}; {}", note.into()),
+            None => note.into(),
+        };
+        Self { note: Some(note), ..self }
     }
 
     pub fn judged(self, verdict: Verdict) -> Self {

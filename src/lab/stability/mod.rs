@@ -19,7 +19,7 @@ mod work;
 
 use std::rc::Rc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::lab::figure::Figure;
 use crate::render::choices::Method;
 use crate::render::raylist::Compiled;
@@ -85,12 +85,16 @@ pub struct Lab<'a> {
 }
 
 impl Experiment {
-    /// Runs it. One that fails decides nothing and says why.
-    pub fn run(&self, lab: &Lab<'_>) -> Findings {
-        (self.run)(lab).unwrap_or_else(|error| Findings {
-            rows: vec![Row::undecided("auto", format!("it could not be run: {error}"))],
-            figures: Vec::new(),
-        })
+    /// Runs it. One that fails decides nothing and says why; only a device that fails ends it all.
+    pub fn run(&self, lab: &Lab<'_>) -> Result<Findings> {
+        match (self.run)(lab) {
+            Err(error) if matches!(error, Error::Device(_)) => Err(error),
+            Err(error) => Ok(Findings {
+                rows: vec![Row::undecided("auto", format!("it could not be run: {error}"))],
+                figures: Vec::new(),
+            }),
+            findings => findings,
+        }
     }
 }
 

@@ -188,7 +188,7 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
     for slabs in [Slabs::Plain, Slabs::Robust] {
         variants.extend(methods.iter().map(|m| (format!("{slabs}, {}", m.family()), Some(*m), Some(slabs))));
     }
-    let costs = costs(lab, &methods)?;
+    let costs = costs(lab, &methods).unwrap_or_default();
     let mut findings = Findings::default();
     for (place, (label, method, slabs)) in variants.iter().enumerate() {
         lab.observe(label, place as f64 / variants.len() as f64);
@@ -210,7 +210,7 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
             None => row,
         });
     }
-    findings.figures.push(figure(lab, &lattices[1])?);
+    findings.figures.extend(figure(lab, &lattices[1]));
     Ok(findings)
 }
 
