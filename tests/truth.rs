@@ -81,6 +81,10 @@ fn a_plane_askew_gives_1_with_an_offset_of_ulps() {
             let camera = pinhole(eye.to_array(), shift.to_array(), side.to_array(), 60.0);
             let job = Job { camera, ..job(&scene, (48, 30), 0..64) };
             for intersector in INTERSECTORS {
+                // The original's has no errors to grant.
+                if preset.is_original() && intersector == Intersector::Conservative {
+                    continue;
+                }
                 let wishes = Wishes {
                     preset: Some(preset),
                     accumulator: Some(Accumulator::Count),
