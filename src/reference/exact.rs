@@ -113,11 +113,11 @@ pub fn verdict<'a>(ray: &RayRecord, triangle: impl Into<Shape<'a>>, rules: &Rule
         return Verdict::Miss { margin: (smallest - size) / det.error };
     }
     if size - det.error <= smallest {
-        // The side is unknown, but on neither can a weight exceed det.
+        // The side is unknown, but on neither can a weight exceed det and what is granted to the others.
+        let most = size + granted.iter().sum::<f64>() * 1.00001;
         let margin = weights
             .iter()
-            .zip(granted)
-            .map(|(weight, granted)| (weight.value.abs() - size - granted) / (weight.error + det.error))
+            .map(|weight| (weight.value.abs() - most) / (weight.error + det.error))
             .fold(f64::NEG_INFINITY, f64::max);
         return if margin > 1.0 { Verdict::Miss { margin } } else { Verdict::Doubtful(None) };
     }

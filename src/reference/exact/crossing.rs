@@ -125,6 +125,9 @@ fn of_edges(ray: &RayRecord, triangle: &Triangle, conservative: bool) -> Found {
         true => granted(ray, triangle),
         false => [0.0; 3],
     };
+    // What u + v may come to is a sum that rounds.
+    let rounding = if conservative { E * (det.value.abs() + det.error + 2.0 * granted[0]) } else { 0.0 };
+    let first = Bounded { error: first.error + rounding, ..first };
     Found::Crossing(Crossing {
         det,
         weights: [first, u, v],
