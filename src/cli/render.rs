@@ -215,6 +215,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             scene.path, geometry.without_area
         ));
     }
+    if geometry.copies > 0 {
+        super::tell(&format!(
+            "{}: {} triangles left out, which have the corners of another",
+            scene.path, geometry.copies
+        ));
+    }
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let job = job(arguments, camera)?;

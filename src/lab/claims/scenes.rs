@@ -3,14 +3,12 @@
 use super::Lab;
 use crate::bvh::Builder;
 use crate::error::Result;
-use crate::lab::scenes::scene_of;
+use crate::lab::scenes::{scene_of, usual_job};
 use crate::layout::{self, FRAME_SAMPLES};
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
-use crate::render::rounds::Goal;
-use crate::scene::camera::Camera;
 use crate::scene::{Mesh, Scene};
 
 /// The scene with another number of triangles: the largest of them, or the largest halved at their longest edge until
@@ -57,17 +55,7 @@ impl Lab<'_> {
 
     /// A frame of four rays from the scene's usual view.
     pub(super) fn job(&self, scene: &Scene, size: (u32, u32)) -> Job {
-        Job {
-            camera: Camera::default_for(&scene.path),
-            size,
-            samples: 0..FRAME_SAMPLES,
-            seed: self.seed,
-            max_distance: None,
-            jitters: 1,
-            adaptive: false,
-            goal: Goal::Samples,
-            block: None,
-        }
+        usual_job(scene, size, FRAME_SAMPLES, self.seed)
     }
 
     pub(super) fn plan_job<'g>(

@@ -241,7 +241,7 @@ fn compared(
         let name = case(&format!("{} ({})", adapter.name, adapter.driver));
         cases.push(match counts(&theirs) {
             Ok(theirs) => differing(name, &apart(tiles, &mine, &theirs)),
-            Err(error) => Case { case: name, note: Some(error.to_string()), ..Case::default() },
+            Err(error) => Case::of_error(name, &error),
         });
     }
     if let Some(earlier) = lab.with {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::shapes::{ASKEW, Shapes, yard};
 use super::sight::{SEEN, Sight, judge, sights};
 use super::{Case, Experiment, Findings, Lab, Row};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::lab::ghosts::without_reset;
 use crate::lab::interleave::digits;
@@ -80,7 +80,7 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
             let picture = match picture(lab, &view.scene, job, &variant.wishes) {
                 Ok(picture) => picture,
                 Err(error) => {
-                    cases.push(not_rendered(view.name, &error));
+                    cases.push(Case::of_error(view.name, &error));
                     continue;
                 }
             };
@@ -162,11 +162,6 @@ fn variants(lab: &Lab<'_>) -> Vec<Variant> {
 fn picture(lab: &Lab<'_>, scene: &Scene, job: Job, wishes: &Wishes) -> Result<Picture> {
     let geometry = lab.geometry(scene, wishes)?;
     lab.picture(&lab.plan(job, scene, &geometry, wishes)?)
-}
-
-/// A refusal with a sentence is no failure; an error of the device is no trial.
-fn not_rendered(case: &str, error: &Error) -> Case {
-    Case { case: case.into(), note: Some(error.to_string()), ..Case::default() }
 }
 
 fn figure_of(kind: Kind) -> Option<&'static str> {

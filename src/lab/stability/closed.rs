@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::lab::scenes::{procedural, scene_of};
+use crate::lab::scenes::scene_of;
 use crate::layout::Corners;
 use crate::render::seeds::hash;
 use crate::scene::{Mesh, Scene};
@@ -94,11 +94,6 @@ pub fn cone(slivers: u32, height: f64) -> Scene {
     scene_of("cone", mesh)
 }
 
-/// The house and the box are not closed; they are here for what they cost.
-pub fn house(seed: u32) -> Result<Scene> {
-    procedural("maison", None, seed)
-}
-
 /// Turned about an axis that is none of the coordinates'.
 fn turned(p: DVec3) -> DVec3 {
     glam::DQuat::from_axis_angle(DVec3::new(0.36, 0.48, 0.8), 0.7) * p
@@ -159,6 +154,7 @@ pub fn points_inside(triangles: &[Corners], count: usize, seed: u32) -> Vec<Vec3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lab::scenes::procedural;
     use crate::render::geometry::Geometry;
 
     #[test]
@@ -173,7 +169,7 @@ mod tests {
         let mut open = cube().unwrap().mesh;
         open.triangles.pop();
         assert!(!is_closed(&open));
-        assert!(!is_closed(&house(0).unwrap().mesh));
+        assert!(!is_closed(&procedural("maison", None, 0).unwrap().mesh));
     }
 
     #[test]

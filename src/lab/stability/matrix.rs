@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::error::Error;
+
 /// What became of a variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -43,6 +45,18 @@ pub struct Case {
     /// The picture's counts, where a run on another device is to be compared with it (`bits`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
+    /// An error kept it from being decided.
+    #[serde(skip)]
+    pub undecided: bool,
+}
+
+impl Case {
+    /// One that did not run. What is refused with a sentence (exit codes 2 and 3) is no trial; any other error leaves the
+    /// variant undecided.
+    pub fn of_error(case: impl Into<String>, error: &Error) -> Self {
+        let undecided = !matches!(error.exit_code(), 2 | 3);
+        Self { case: case.into(), note: Some(error.to_string()), undecided, ..Self::default() }
+    }
 }
 
 /// A variant in an experiment.
@@ -63,7 +77,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Adds up the cases; the variant survives if none has a failure.
+    /// Adds up the cases; the variant survives if none has a failure and an error left none of them open.
     pub fn of(variant: impl Into<String>, cases: Vec<Case>) -> Self {
         let trials = cases.iter().map(|case| case.trials).sum();
         let failures = cases.iter().map(|case| case.failures).sum();
@@ -74,6 +88,7 @@ impl Row {
         let verdict = match (trials, failures) {
             (_, 1..) => Verdict::Fails,
             (0, 0) => Verdict::NotDecided,
+            _ if cases.iter().any(|case| case.undecided) => Verdict::NotDecided,
             _ => Verdict::Survives,
         };
         let left_out: Vec<String> = cases
@@ -140,5 +155,12 @@ mod tests {
         assert_eq!((row.worst_case.as_deref(), row.verdict), (Some("y"), Verdict::Fails));
         assert_eq!(Row::of("b", vec![case("x", 0, Some(0.0))]).verdict, Verdict::Survives);
         assert_eq!(Row::of("c", Vec::new()).verdict, Verdict::NotDecided);
+        let with = |error: Error| Row::of("d", vec![case("x", 0, None), Case::of_error("y", &error)]);
+        assert_eq!(with(Error::device("The device was lost")).verdict, Verdict::NotDecided);
+        let refused = with(Error::usage("Choose another size"));
+        assert_eq!(
+            (refused.verdict, refused.note.as_deref()),
+            (Verdict::Survives, Some("y: Choose another size."))
+        );
     }
 }

@@ -3,6 +3,7 @@
 use super::Lab;
 use crate::error::Result;
 use crate::lab::interleave::{Variant, interleave};
+use crate::lab::scenes::usual_job;
 use crate::layout::{FRAME_SAMPLES, HitRecord, RayRecord};
 use crate::render::auto;
 use crate::render::choices::{Method, Preset, Wishes};
@@ -11,9 +12,15 @@ use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::raylist::{Query, RayLists, reach_of};
-use crate::render::rounds::Goal;
 use crate::scene::Scene;
-use crate::scene::camera::Camera;
+
+/// The method, a stack as deep as this tree needs.
+pub(super) fn fitted(method: Method, geometry: &Geometry) -> Method {
+    match method {
+        Method::Stack(_) => Method::Stack(geometry.stack_bound.max(1)),
+        other => other,
+    }
+}
 
 impl Lab<'_> {
     pub(super) fn observe(&self, what: &str, done: f64) {
@@ -27,14 +34,9 @@ impl Lab<'_> {
 
     /// Methods that take part beside `auto`, `stackN` as deep as the tree needs.
     pub(super) fn methods(&self, geometry: &Geometry) -> Vec<Method> {
-        let fitted = geometry.stack_bound.max(1);
         match self.methods.is_empty() {
-            true => Method::all(fitted).into(),
-            false => self
-                .methods
-                .iter()
-                .map(|method| if let Method::Stack(_) = method { Method::Stack(fitted) } else { *method })
-                .collect(),
+            true => Method::all(geometry.stack_bound.max(1)).into(),
+            false => self.methods.iter().map(|method| fitted(*method, geometry)).collect(),
         }
     }
 
@@ -46,17 +48,7 @@ impl Lab<'_> {
 
     /// A job from the scene's usual view.
     pub(super) fn job(&self, scene: &Scene, size: (u32, u32), samples: u32) -> Job {
-        Job {
-            camera: Camera::default_for(&scene.path),
-            size,
-            samples: 0..samples,
-            seed: self.seed,
-            max_distance: None,
-            jitters: 1,
-            adaptive: false,
-            goal: Goal::Samples,
-            block: None,
-        }
+        usual_job(scene, size, samples, self.seed)
     }
 
     pub(super) fn plan<'g>(

@@ -131,7 +131,7 @@ fn trial(
 ) -> Case {
     match answers(lab, subject, forms, variant, compiled) {
         Ok(case) => case,
-        Err(error) => Case { case: forms.name.clone(), note: Some(error.to_string()), ..Case::default() },
+        Err(error) => Case::of_error(&forms.name, &error),
     }
 }
 

@@ -3,11 +3,11 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::closed::house;
+use super::measure::fitted;
 use super::{Case, Experiment, Findings, Lab, Row};
 use crate::error::Result;
 use crate::lab::figure::Figure;
-use crate::lab::scenes::scene_of;
+use crate::lab::scenes::{procedural, scene_of};
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
 use crate::reference::exact::{Rules, Shapes, Truth};
 use crate::render::auto::choose_builder;
@@ -193,38 +193,25 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
     for (place, (label, method, slabs)) in variants.iter().enumerate() {
         lab.observe(label, place as f64 / variants.len() as f64);
         let mut cases = Vec::new();
-        let mut refused = None;
         for lattice in &lattices {
             let method = method.map(|method| fitted(method, &lattice.geometry));
             // So that a ray at an edge is no question of the triangles'.
             let intersector = slabs.map(|_| Intersector::Watertight);
-            match lattice.case(lab, &Wishes { method, slabs: *slabs, intersector, ..Wishes::default() }) {
-                Ok(case) => cases.push(case),
-                Err(error) => refused = Some(error.to_string()),
-            }
+            let wishes = Wishes { method, slabs: *slabs, intersector, ..Wishes::default() };
+            let case = lattice.case(lab, &wishes);
+            cases.push(case.unwrap_or_else(|error| Case::of_error(&lattice.scene.path, &error)));
         }
         let cost = costs.iter().find(|(known, _)| known == label).map(|(_, ratio)| *ratio);
-        let row = Row::of(label, cases).costing(cost);
-        findings.rows.push(match refused {
-            Some(sentence) => row.noting(sentence),
-            None => row,
-        });
+        findings.rows.push(Row::of(label, cases).costing(cost));
     }
     findings.figures.extend(figure(lab, &lattices[1]));
     Ok(findings)
 }
 
-fn fitted(method: Method, geometry: &Geometry) -> Method {
-    match method {
-        Method::Stack(_) => Method::Stack(geometry.stack_bound.max(1)),
-        other => other,
-    }
-}
-
 /// Kernel time on the house: of each method's robust variant over its plain one, and of `auto` over `auto` with plain
 /// slabs.
 fn costs(lab: &Lab<'_>, methods: &[Method]) -> Result<Vec<(String, f64)>> {
-    let scene = house(lab.seed)?;
+    let scene = procedural("maison", None, lab.seed)?;
     let geometry = lab.geometry(&scene, &Wishes::default())?;
     let mut costs = Vec::new();
     for method in lab.timed(methods).into_iter().map(Some).chain([None]) {

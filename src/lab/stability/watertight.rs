@@ -2,10 +2,12 @@
 
 use glam::{DVec3, Vec3};
 
-use super::closed::{blob, cone, cube, house, is_closed, points_inside, sphere};
+use super::closed::{blob, cone, cube, is_closed, points_inside, sphere};
+use super::measure::fitted;
 use super::{Case, Experiment, Findings, Lab, Row};
 use crate::error::Result;
 use crate::lab::figure::Figure;
+use crate::lab::scenes::procedural;
 use crate::layout::{Corners, HitRecord, NO_HIT, RayRecord};
 use crate::render::choices::{Intersector, Method, Wishes};
 use crate::render::geometry::Geometry;
@@ -107,23 +109,12 @@ fn run(lab: &Lab<'_>) -> Result<Findings> {
         };
         lab.observe(&label, place as f64 / variants.len() as f64);
         let mut cases = Vec::new();
-        let mut refused = None;
         for mesh in &meshes {
-            let fitted = mesh.geometry.stack_bound.max(1);
-            let method = method.map(|method| match method {
-                Method::Stack(_) => Method::Stack(fitted),
-                other => other,
-            });
-            match case(lab, mesh, &Wishes { method, ..*wishes }) {
-                Ok(case) => cases.push(case),
-                Err(error) => refused = Some(error.to_string()),
-            }
+            let method = method.map(|method| fitted(method, &mesh.geometry));
+            let case = case(lab, mesh, &Wishes { method, ..*wishes });
+            cases.push(case.unwrap_or_else(|error| Case::of_error(&mesh.scene.path, &error)));
         }
-        let row = Row::of(label, cases);
-        findings.rows.push(match refused {
-            Some(sentence) => row.noting(sentence),
-            None => row,
-        });
+        findings.rows.push(Row::of(label, cases));
     }
     let costs = costs(lab, &methods).unwrap_or_default();
     for row in &mut findings.rows {
@@ -167,14 +158,11 @@ fn case(lab: &Lab<'_>, mesh: &Closed<'_>, wishes: &Wishes) -> Result<Case> {
 /// Kernel time on the house: of each method's watertight variant over its other one; of `auto` over `auto` with the
 /// cheaper intersector.
 fn costs(lab: &Lab<'_>, methods: &[Method]) -> Result<Vec<(String, f64)>> {
-    let scene = house(lab.seed)?;
+    let scene = procedural("maison", None, lab.seed)?;
     let geometry = lab.geometry(&scene, &Wishes::default())?;
     let mut costs = Vec::new();
     for method in lab.timed(methods).into_iter().map(Some).chain([None]) {
-        let method = method.map(|method| match method {
-            Method::Stack(_) => Method::Stack(geometry.stack_bound.max(1)),
-            other => other,
-        });
+        let method = method.map(|method| fitted(method, &geometry));
         let wishes = |intersector| Wishes { method, intersector, ..Wishes::default() };
         let others = match method {
             Some(_) => vec![Some(Intersector::Conservative), Some(Intersector::Watertight)],
