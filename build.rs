@@ -7,6 +7,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Capability, Decoration, Op, StorageClass};
@@ -26,7 +27,7 @@ struct Row {
     defines: Vec<(String, Option<String>)>,
 }
 
-type Failure = Box<dyn std::error::Error>;
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 fn main() {
     println!("cargo:rerun-if-changed=shaders");
@@ -41,23 +42,16 @@ fn main() {
 fn run() -> Result<(), Failure> {
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     let list = std::fs::read_to_string("shaders/kernels.txt")?;
-    let compiler = shaderc::Compiler::new()?;
     let mut table = String::from("pub const KERNELS: &[Kernel] = &[\n");
     let mut hash = xxhash_rust::xxh3::Xxh3::new();
     let mut checked = BTreeSet::new();
-    for (number, row) in rows(&list)?.iter().enumerate() {
-        let spirv = compile(&compiler, row, shaderc::OptimizationLevel::Performance)?;
-        let glsl = out.join(format!("kernel{number}.glsl"));
-        std::fs::write(&glsl, opengl_text(&compiler, row, spirv.as_binary())?)?;
-        let file = out.join(format!("kernel{number}.spv"));
-        std::fs::write(&file, spirv.as_binary_u8())?;
+    let rows = rows(&list)?;
+    for (row, compiled) in rows.iter().zip(compile_all(&rows, &out)?) {
         hash.update(row.name.as_bytes());
-        hash.update(spirv.as_binary_u8());
-        writeln!(table, "{}", table_entry(row, &file, &glsl, spirv.as_binary())?)?;
-        // These show all records. The optimizer strips the names that reflection goes by.
-        if row.entry.ends_with("records.comp.glsl") {
-            let named = compile(&compiler, row, shaderc::OptimizationLevel::Zero)?;
-            check_offsets(row, named.as_binary(), &mut checked)?;
+        hash.update(&compiled.spirv);
+        writeln!(table, "{}", compiled.entry)?;
+        if let Some(named) = compiled.named {
+            check_offsets(row, &named, &mut checked)?;
         }
     }
     if let Some(record) = layout::RECORDS.iter().find(|record| !checked.contains(record.name)) {
@@ -70,6 +64,63 @@ fn run() -> Result<(), Failure> {
     )?;
     std::fs::write(out.join("kernels.rs"), table)?;
     Ok(())
+}
+
+/// What becomes of a row.
+struct Compiled {
+    /// Of the table.
+    entry: String,
+    spirv: Vec<u8>,
+    /// The same with names, of the rows that show all records.
+    named: Option<Vec<u32>>,
+}
+
+/// Compiles all rows, several at once.
+fn compile_all(rows: &[Row], out: &Path) -> Result<Vec<Compiled>, Failure> {
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<Vec<(usize, Compiled)>, Failure> {
+        let compiler = shaderc::Compiler::new()?;
+        let mut done = Vec::new();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(row) = rows.get(number) else { return Ok(done) };
+            done.push((number, compile_row(&compiler, row, number, out)?));
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
+    let mut done = Vec::new();
+    std::thread::scope(|scope| -> Result<(), Failure> {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        for worker in workers {
+            done.extend(worker.join().map_err(|_| "a thread that compiled kernels panicked")??);
+        }
+        Ok(())
+    })?;
+    done.sort_by_key(|(number, _)| *number);
+    Ok(done.into_iter().map(|(_, compiled)| compiled).collect())
+}
+
+fn compile_row(
+    compiler: &shaderc::Compiler,
+    row: &Row,
+    number: usize,
+    out: &Path,
+) -> Result<Compiled, Failure> {
+    let spirv = compile(compiler, row, shaderc::OptimizationLevel::Performance)?;
+    let glsl = out.join(format!("kernel{number}.glsl"));
+    std::fs::write(&glsl, opengl_text(compiler, row, spirv.as_binary())?)?;
+    let file = out.join(format!("kernel{number}.spv"));
+    std::fs::write(&file, spirv.as_binary_u8())?;
+    // These show all records. The optimizer strips the names that reflection goes by.
+    let named = match row.entry.ends_with("records.comp.glsl") {
+        true => Some(compile(compiler, row, shaderc::OptimizationLevel::Zero)?.as_binary().to_vec()),
+        false => None,
+    };
+    Ok(Compiled {
+        entry: table_entry(row, &file, &glsl, spirv.as_binary())?,
+        spirv: spirv.as_binary_u8().to_vec(),
+        named,
+    })
 }
 
 fn rows(list: &str) -> Result<Vec<Row>, Failure> {
@@ -323,6 +374,7 @@ fn node_layout(row: &Row) -> Result<&'static str, Failure> {
         "threaded48" => "Threaded48",
         "pair" => "Pair",
         "wide" => "Wide",
+        "quad" => "Quad",
         other => return Err(format!("kernel {}: there is no node layout {other}", row.name).into()),
     })
 }

@@ -126,6 +126,7 @@ void trace_ambient(bool works, bool hit) {
     } else {
         sample_end = sample_next;
     }
+    BEGIN_ANY(works && hit, surface.start);
     begin_any_work();
     run_any();
     end_any_work();

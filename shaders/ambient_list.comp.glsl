@@ -1,5 +1,5 @@
-// Ambient rays of the listed pixels: an invocation takes a block of one pixel's samples and writes what came of it
-// where no other writes. (passes: split) Experiments: with ADDS_ATOMICALLY it adds to the pixel's counts instead, which
+// Ambient rays of the listed pixels: SAMPLE_LANES invocations share a block of one pixel's samples, each taking every so
+// many of them, so that rays from one place go together. What came of the block is written where no other writes. (passes: split) Experiments: with ADDS_ATOMICALLY it adds to the pixel's counts instead, which
 // other invocations add to as well; with ADDS_TO_ONE every escaped ray is also added to one place for all.
 #define USES_ANY
 #include "shared/scene.glsl"
@@ -38,14 +38,22 @@ float sum;
 bool ray_overflowed;
 uint overflowed;
 
+// A CPU device computes a ray beyond the last sample too: there a branch's body runs under a mask, skipped or not, and consecutive
+// calls without one share what depends on the pixel alone.
+#ifdef ACCESSOR_TEXEL
+#define COMPUTES_ALL true
+#else
+#define COMPUTES_ALL false
+#endif
+
 bool next_any(out Ray ray, out bool occluded, out uint id) {
     id = sample_next;
     ray = Ray(vec3(0.0), vec3(0.0), 0.0);
     occluded = false;
     ray_overflowed = false;
     bool more = sample_next < sample_end;
-    if (more) {
-        sample_next++;
+    sample_next += more ? SAMPLE_LANES : 0u;
+    if (more || COMPUTES_ALL) {
         vec2 u = sample_numbers(pixel, id, budget, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
@@ -72,8 +80,37 @@ void retire_any(uint id, bool occluded, bool finished) {
 
 #include "traverse"
 
+// What the invocations of a pixel found, added up: escaped rays of either half, and whether any ray came to no end.
+shared uint group_escaped0[WORKGROUP_SIZE];
+shared uint group_escaped1[WORKGROUP_SIZE];
+shared uint group_lost[WORKGROUP_SIZE];
+
+// Adds up the invocations of each pixel; the first of them has the sum then. A block with an unfinished ray counts as not begun.
+void add_up(uint member, uint lane, bool works, uint asked) {
+    if (lane == 0u) {
+        group_escaped0[member] = 0u;
+        group_escaped1[member] = 0u;
+        group_lost[member] = 0u;
+    }
+    barrier();
+    if (works) {
+        if (escaped.x > 0u) atomicAdd(group_escaped0[member], escaped.x);
+        if (escaped.y > 0u) atomicAdd(group_escaped1[member], escaped.y);
+        uint own = (max(asked, lane) - lane + SAMPLE_LANES - 1u) / SAMPLE_LANES;
+        if (finished_samples != own) atomicAdd(group_lost[member], 1u);
+    }
+    barrier();
+    bool whole = group_lost[member] == 0u;
+    escaped = whole ? uvec2(group_escaped0[member], group_escaped1[member]) : uvec2(0u);
+    finished_samples = whole ? asked : 0u;
+    // With several invocations a pixel an escaped ray weighs 1.
+    sum = float(escaped.x + escaped.y);
+}
+
 void main() {
-    uint place = list_place();
+    uint member = gl_LocalInvocationIndex / SAMPLE_LANES;
+    uint lane = gl_LocalInvocationIndex % SAMPLE_LANES;
+    uint place = gl_WorkGroupID.x * (WORKGROUP_SIZE / SAMPLE_LANES) + member;
     bool works = place < arguments.count;
     escaped = uvec2(0u);
     finished_samples = 0u;
@@ -93,12 +130,18 @@ void main() {
         sample_end = min(sample_next + range.block, min(range.sample_end, budget.y));
         first_sample = sample_next;
         asked = max(sample_end, sample_next) - sample_next;
+        sample_next += lane;
         if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
         surface = surface_at(camera_ray(pixel), hit);
     }
+    BEGIN_ANY(works, surface.start);
     run_any();
+    if (SAMPLE_LANES > 1u) {
+        add_up(member, lane, works, asked);
+        works = works && lane == 0u;
+    }
     Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
     if (works) {
 #ifdef ADDS_ATOMICALLY

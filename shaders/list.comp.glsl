@@ -42,9 +42,9 @@ void main() {
     uint all = low + bitCount(group_mask[1]);
     if (lane == 0u && all > 0u) {
         group_begin = atomicAdd(arguments.count, all);
-        uint groups = (group_begin + all + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-        atomicMax(arguments.blocks_x, groups);
-        atomicMax(arguments.pixels_x, groups);
+        uint end = group_begin + all;
+        atomicMax(arguments.blocks_x, (end * SAMPLE_LANES + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
+        atomicMax(arguments.pixels_x, (end + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
     }
     if (pixel == range.pixel_begin) {
         uint samples = range.sample_end - range.sample_begin;

@@ -14,6 +14,7 @@ layout(local_size_x = TILE_SIDE, local_size_y = TILE_SIDE) in;
 STORAGE_BLOCK(BINDING_HITS) buffer HitBlock { HitRecord hits[]; };
 
 uint pixel;
+Ray primary_ray;
 bool waits;
 bool ray_overflowed;
 bool ray_finished;
@@ -22,7 +23,7 @@ bool next_closest(out Ray ray, out Hit hit, out uint id) {
     id = pixel;
     bool more = waits;
     waits = false;
-    ray = camera_ray(pixel);
+    ray = primary_ray;
     hit = no_hit(ray.t_max);
     return more;
 }
@@ -38,6 +39,8 @@ void main() {
     pixel = range.pixel_begin + gl_WorkGroupID.x * WORKGROUP_SIZE + gl_LocalInvocationIndex;
     bool works = pixel < range.pixel_end && inside_image(pixel_position(pixel));
     if (works && range.stage != STAGE_CLOSEST) works = hits[pixel - range.pixel_base].index == UNFINISHED;
+    // Outside of control flow, where a CPU device reads the frame once for all lanes.
+    primary_ray = camera_ray(pixel);
     waits = works;
     ray_overflowed = false;
     ray_finished = false;

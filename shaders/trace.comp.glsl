@@ -69,6 +69,7 @@ void main() {
     if (closest) {
         run_closest();
     } else {
+        BEGIN_ANY(counts, counts ? rays[ray_index()].origin : vec3(0.0));
         run_any();
     }
     Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);

@@ -1,5 +1,7 @@
 //! What can go wrong, as one sentence: what, where, and what to do.
 
+use std::thread::ScopedJoinHandle;
+
 /// An error and the exit code it leads to.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -46,6 +48,13 @@ impl Error {
             Self::Other(_) => 1,
         }
     }
+}
+
+/// What a thread gives; one that was lost is an error.
+pub fn joined<T>(thread: ScopedJoinHandle<'_, Result<T>>) -> Result<T> {
+    thread.join().unwrap_or_else(|_| {
+        Err(Error::other("A thread of the program ended before its work was done: report this as a bug"))
+    })
 }
 
 /// The text with the full stop that ends it.

@@ -25,6 +25,8 @@ pub enum NodeLayout {
     Pair,
     /// Eight compressed children.
     Wide,
+    /// Four children.
+    Quad,
 }
 
 /// A row of `shaders/kernels.txt`.

@@ -158,6 +158,42 @@ records! {
         child6: int,
         child7: int,
     }
+    /// Four children with their boxes, side by side: min_x0 to min_x3 are one word. A reference is that of a node or of a leaf, as
+    /// in [`PairNode`]. An empty slot repeats the first one's reference, with a box out of reach.
+    QuadNode {
+        min_x0: float,
+        min_x1: float,
+        min_x2: float,
+        min_x3: float,
+        max_x0: float,
+        max_x1: float,
+        max_x2: float,
+        max_x3: float,
+        min_y0: float,
+        min_y1: float,
+        min_y2: float,
+        min_y3: float,
+        max_y0: float,
+        max_y1: float,
+        max_y2: float,
+        max_y3: float,
+        min_z0: float,
+        min_z1: float,
+        min_z2: float,
+        min_z3: float,
+        max_z0: float,
+        max_z1: float,
+        max_z2: float,
+        max_z3: float,
+        child0: int,
+        child1: int,
+        child2: int,
+        child3: int,
+        pad0: uint,
+        pad1: uint,
+        pad2: uint,
+        pad3: uint,
+    }
     /// What stays the same for all dispatches of a render.
     Frame {
         /// Camera ray of raster position (x, y): origin + x origin_dx + y origin_dy, and likewise its
@@ -364,6 +400,8 @@ constants! {
     SPEC_WATERTIGHT = 12;
     /// Möller and Trumbore, but no triangle is missed that the exact ray meets.
     SPEC_CONSERVATIVE = 13;
+    /// Lanes that share a listed pixel's samples.
+    SPEC_SAMPLE_LANES = 14;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;
@@ -399,7 +437,13 @@ constants! {
 
     /// 16-byte words of a wide node, and the first one that holds references.
     WIDE_WORDS = 6;
+    /// Most entry points of a workgroup, a bit each of a word.
+    ENTRIES = 32;
     WIDE_CHILD_WORD = 4;
+
+    /// 16-byte words of a quad node, and the one that holds its references.
+    QUAD_WORDS = 8;
+    QUAD_CHILD_WORD = 6;
 
     /// Triangles that fit the uniform buffer of the original's first form.
     UNIFORM_TRIANGLES = 1024;
@@ -420,4 +464,6 @@ constants! {
 const _: () = {
     assert!(size_of::<WideNode>() == 16 * WIDE_WORDS as usize);
     assert!(std::mem::offset_of!(WideNode, child0) == 16 * WIDE_CHILD_WORD as usize);
+    assert!(size_of::<QuadNode>() == 16 * QUAD_WORDS as usize);
+    assert!(std::mem::offset_of!(QuadNode, child0) == 16 * QUAD_CHILD_WORD as usize);
 };

@@ -2,6 +2,7 @@
 //! way to traverse a triangle tree. ARCHITECTURE.md tells how the modules hang together.
 
 pub mod bvh;
+pub mod cache;
 pub mod cli;
 pub mod error;
 pub mod gl;

@@ -1,16 +1,21 @@
 //! Scene and tree as the arrays of `layout.rs`.
 
+mod quad;
 mod wide;
+
+use std::sync::OnceLock;
 
 use glam::Vec3;
 
+pub use quad::{quad_children, quad_nodes};
 pub use wide::{validate_wide, wide_child, wide_nodes, wide_scale, wide_sides};
 
+use crate::bvh::quad::QuadTree;
 use crate::bvh::thread;
 use crate::bvh::wide::WideTree;
 use crate::bvh::{Aabb, Content, Tree};
 use crate::kernels::NodeLayout;
-use crate::layout::{LEAF_LIMIT, Node, PairNode, ThreadedNode, ThreadedNode48, Triangle, WideNode};
+use crate::layout::{LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode};
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
 /// box is flat and a ray that lies in a box's face is inside it.
@@ -39,6 +44,27 @@ pub fn watertight_pad(largest: f32, reach: f64) -> f32 {
 /// 20 e.
 const WATERTIGHT_PAD: f64 = 20.0 / 16_777_216.0;
 
+/// By how much boxes are grown for the fused slab test (shaders/traverse/grown.glsl), if triangles' own boxes are grown by `pad`, no
+/// coordinate of the scene exceeds L = `largest`, and none of a ray's origin R = `reach`: `pad` and 40 e (L + R), e = 2^-24.
+///
+/// What is to hold: if the robust slab test says of a triangle's own box that the ray meets it, then the fused one says so of every
+/// box around it, and never that the ray enters it later. In units of the inverse of a direction's component, which
+/// are lengths, and with D = L + R:
+/// - both tests' inverses are within 5 e of the exact one (a division may be off by 2.5 ulp), so 10 e of each other: 10 e D;
+/// - the own test rounds twice, and grows its exits by 16 e of what they are: 19 e D, or 2 e D at entries;
+/// - the fused one rounds the base, e R, the product, e L or not at all, and the sum, e D;
+/// - the grown sides round, e L and little more.
+///
+/// That is 32 e D at exits; the rest is spare.
+pub fn grown_pad(pad: f32, largest: f32, reach: f64) -> f32 {
+    let largest = f64::from(largest);
+    let grown = f64::from(pad) + (largest + largest.max(reach)) * FUSED_ERROR;
+    if grown < f64::from(f32::MAX) { grown as f32 } else { pad }
+}
+
+/// 40 e.
+const FUSED_ERROR: f64 = 40.0 / 16_777_216.0;
+
 /// The triangles in the order of the tree's leaves.
 pub fn triangles(tree: &Tree, triangles: &[Triangle]) -> Vec<Triangle> {
     tree.order.iter().map(|&place| triangles[place as usize]).collect()
@@ -50,40 +76,60 @@ pub struct NodeArrays {
     pub single: Vec<Node>,
     pub threaded: Vec<ThreadedNode>,
     pub pair: Vec<PairNode>,
+    /// For the fused test of `entry`.
+    pub grown: Vec<PairNode>,
     pub wide: Vec<WideNode>,
+    pub quad: Vec<QuadNode>,
 }
 
 impl NodeArrays {
-    pub fn new(tree: &Tree, pad: f32) -> Self {
+    /// Boxes grown by `pad`, those for the fused test by `grown`.
+    pub fn new(tree: &Tree, pad: f32, grown: f32) -> Self {
         Self {
             single: nodes(tree, pad),
             threaded: threaded_nodes(tree, pad),
             pair: pair_nodes(tree, pad),
+            grown: pair_nodes(tree, grown),
             wide: wide_nodes(&WideTree::new(tree), tree, pad),
+            quad: quad_nodes(&QuadTree::new(tree), tree, pad),
         }
     }
 }
 
-/// The array of nodes of a layout, bytes; a word where the kernel reads none. `wide`: the tree collapsed, asked for
-/// where the layout needs it.
-pub fn node_bytes<'a>(
-    layout: NodeLayout,
-    tree: &Tree,
-    wide: impl FnOnce() -> &'a WideTree,
-    pad: f32,
-) -> Vec<u8> {
+/// A tree's collapsed forms, made when first asked for.
+#[derive(Default)]
+pub struct Collapsed {
+    wide: OnceLock<WideTree>,
+    quad: OnceLock<QuadTree>,
+}
+
+impl Collapsed {
+    /// To eight children a node.
+    pub fn wide(&self, tree: &Tree) -> &WideTree {
+        self.wide.get_or_init(|| WideTree::new(tree))
+    }
+
+    /// To four children a node.
+    pub fn quad(&self, tree: &Tree) -> &QuadTree {
+        self.quad.get_or_init(|| QuadTree::new(tree))
+    }
+}
+
+/// The array of nodes of a layout, bytes; a word where the kernel reads none.
+pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f32) -> Vec<u8> {
     match layout {
         NodeLayout::None => vec![0; 16],
         NodeLayout::Single => bytemuck::cast_slice(&nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
         NodeLayout::Pair => bytemuck::cast_slice(&pair_nodes(tree, pad)).to_vec(),
-        NodeLayout::Wide => bytemuck::cast_slice(&wide_nodes(wide(), tree, pad)).to_vec(),
+        NodeLayout::Wide => bytemuck::cast_slice(&wide_nodes(collapsed.wide(tree), tree, pad)).to_vec(),
+        NodeLayout::Quad => bytemuck::cast_slice(&quad_nodes(collapsed.quad(tree), tree, pad)).to_vec(),
     }
 }
 
 /// Bytes of the array of nodes of a layout, at most, without making it.
-pub fn node_array_bytes<'a>(layout: NodeLayout, tree: &Tree, wide: impl FnOnce() -> &'a WideTree) -> u64 {
+pub fn node_array_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed) -> u64 {
     let nodes = tree.nodes.len() as u64;
     match layout {
         NodeLayout::None => 16,
@@ -91,7 +137,8 @@ pub fn node_array_bytes<'a>(layout: NodeLayout, tree: &Tree, wide: impl FnOnce()
         NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,
         NodeLayout::Pair => (nodes / 2).max(1) * size_of::<PairNode>() as u64,
-        NodeLayout::Wide => (wide().nodes.len() * size_of::<WideNode>()) as u64,
+        NodeLayout::Wide => (collapsed.wide(tree).nodes.len() * size_of::<WideNode>()) as u64,
+        NodeLayout::Quad => (collapsed.quad(tree).nodes.len() * size_of::<QuadNode>()) as u64,
     }
 }
 
@@ -136,29 +183,12 @@ pub fn threaded_nodes48(tree: &Tree, pad: f32) -> Vec<ThreadedNode48> {
         .collect()
 }
 
-/// Nodes for `ordered`, `packet` and `postponed`: inner nodes only, the root first, each before its children and
-/// the left subtree before the right one.
+/// Nodes for `ordered`, `entry`, `packet` and `postponed`.
 pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
-    let mut places = vec![0i32; tree.nodes.len()];
-    let mut inner = Vec::new();
-    let mut open: Vec<u32> = (tree.nodes.len() as u32).checked_sub(1).into_iter().collect();
-    while let Some(index) = open.pop() {
-        if let Content::Inner { left, right } = tree.nodes[index as usize].content {
-            places[index as usize] = inner.len() as i32;
-            inner.push((left, right));
-            open.extend([right, left]);
-        }
-    }
-    let child = |index: u32| {
-        let node = &tree.nodes[index as usize];
-        let reference = match node.content {
-            Content::Inner { .. } => places[index as usize],
-            Content::Leaf { first, count } => packed_leaf(first, count),
-        };
-        (grown(&node.bounds, pad), reference)
-    };
-    if let (true, Some(root)) = (inner.is_empty(), tree.nodes.len().checked_sub(1)) {
-        let ((left_min, left_max), left) = child(root as u32);
+    let inner = InnerNodes::of(tree);
+    let child = |index: u32| (grown(&tree.nodes[index as usize].bounds, pad), inner.reference(tree, index));
+    if let Some(root) = inner.lone_leaf {
+        let ((left_min, left_max), left) = child(root);
         let far = [OUT_OF_REACH; 3];
         return vec![PairNode {
             left_min,
@@ -171,14 +201,48 @@ pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
             pad1: 0,
         }];
     }
-    inner
-        .iter()
-        .map(|&(left, right)| {
-            let ((left_min, left_max), left) = child(left);
-            let ((right_min, right_max), right) = child(right);
-            PairNode { left_min, left, left_max, right, right_min, pad0: 0, right_max, pad1: 0 }
-        })
-        .collect()
+    let nodes = inner.children.iter().map(|&[left, right]| {
+        let ((left_min, left_max), left) = child(left);
+        let ((right_min, right_max), right) = child(right);
+        PairNode { left_min, left, left_max, right, right_min, pad0: 0, right_max, pad1: 0 }
+    });
+    nodes.collect()
+}
+
+/// The inner nodes of a tree as the records with both children's boxes number them: the root first, each before its
+/// children and the left subtree before the right one. Left is the larger child, whose box more rays meet: any hit takes it first.
+struct InnerNodes {
+    children: Vec<[u32; 2]>,
+    /// Of each node of the tree that is an inner one, its number.
+    places: Vec<i32>,
+    /// The root, if it is a leaf.
+    lone_leaf: Option<u32>,
+}
+
+impl InnerNodes {
+    fn of(tree: &Tree) -> Self {
+        let root = tree.nodes.len().checked_sub(1).map(|root| root as u32);
+        let mut inner = Self { children: Vec::new(), places: vec![0; tree.nodes.len()], lone_leaf: None };
+        let mut open: Vec<u32> = root.into_iter().collect();
+        while let Some(index) = open.pop() {
+            if let Content::Inner { left, right } = tree.nodes[index as usize].content {
+                let area = |child: u32| tree.nodes[child as usize].bounds.half_area();
+                let [left, right] = if area(right) > area(left) { [right, left] } else { [left, right] };
+                inner.places[index as usize] = inner.children.len() as i32;
+                inner.children.push([left, right]);
+                open.extend([right, left]);
+            }
+        }
+        inner.lone_leaf = root.filter(|_| inner.children.is_empty());
+        inner
+    }
+
+    fn reference(&self, tree: &Tree, index: u32) -> i32 {
+        match tree.nodes[index as usize].content {
+            Content::Inner { .. } => self.places[index as usize],
+            Content::Leaf { first, count } => packed_leaf(first, count),
+        }
+    }
 }
 
 /// Coordinate of a box that next to no ray meets.

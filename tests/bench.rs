@@ -205,3 +205,73 @@ fn camera_rays_of_each_view_and_random_rays_are_lists_too() {
     }
     assert!(rows(&primary).iter().all(|row| row["rays_per_frame"] == 100 * 60));
 }
+
+/// Growth: rows of every study, counts that agree, fits, plots; no time is judged.
+#[test]
+fn scaling_tells_of_every_study() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().to_string_lossy();
+    let output =
+        bench(&["--scaling", "--quick", "terrain:20000", "--frames", "1", "--validate", "-o", &place]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && !said.contains("validation:"), "{said}");
+    let record: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("bench.json")).unwrap()).unwrap();
+    let rows = record["scaling"]["rows"].as_array().unwrap();
+    let of = |study: &str| rows.iter().filter(|row| row["study"] == study).collect::<Vec<_>>();
+    let mut triangles: Vec<u64> = of("load").iter().map(|row| row["triangles"].as_u64().unwrap()).collect();
+    triangles.dedup();
+    assert_eq!(triangles, [968, 9800, 20_000], "squares of two triangles, no more than asked for");
+    assert_eq!(of("build").len(), 3 * 4, "four builders");
+    let frames = of("triangles");
+    assert_eq!(frames.len(), 3 * 2, "two methods");
+    for pair in frames.chunks(2) {
+        assert_eq!(pair[0]["rays"], pair[1]["rays"]);
+        assert!(pair.iter().all(|row| row["mismatched_pixels"] == 0), "{pair:?}");
+        assert!(pair[0]["device_bytes"].as_u64().unwrap() > 0);
+    }
+    let samples = of("samples");
+    assert!(samples.len() > 8, "{}", samples.len());
+    let rays = |row: &Value| row["rays"].as_u64().unwrap();
+    let (one, last) = (samples[0], samples[samples.len() - 1]);
+    let (camera, spp) = (64 * 40, last["spp"].as_u64().unwrap());
+    assert_eq!(rays(last) - camera, (rays(one) - camera) * spp, "each sample traces as many rays");
+    assert_eq!(of("size").len(), 3);
+    let fits = record["scaling"]["fits"].as_array().unwrap();
+    let studies: Vec<&str> = fits.iter().map(|fit| fit["study"].as_str().unwrap()).collect();
+    for study in ["triangles", "samples", "size", "build", "load"] {
+        assert!(studies.contains(&study), "{study}");
+        let plot = std::fs::read_to_string(folder.path().join(format!("scaling-{study}.svg"))).unwrap();
+        assert!(plot.starts_with("<svg") && plot.contains("terrain"), "{study}");
+    }
+    let csv = std::fs::read_to_string(folder.path().join("bench.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+}
+
+/// In a single pass each frame traces its camera rays anew, those that hit nothing too.
+#[test]
+fn scaling_renders_frame_after_frame_in_a_single_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().to_string_lossy();
+    let arguments = ["--scaling", "--quick", "terrain:1000", "--methods", "threaded", "--passes", "single"];
+    let output = bench(&[&arguments[..], &["--builders", "sah", "--frames", "2", "-o", &place]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let record: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("bench.json")).unwrap()).unwrap();
+    assert_eq!(record["scaling"]["left_out"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn scaling_tells_what_it_cannot_do() {
+    let refused = |arguments: &[&str], text: &str| {
+        let output = bench(&[&["--scaling", "--quick"], arguments].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(text), "{arguments:?}: {said}");
+    };
+    refused(&["cornell"], "does not come in every number of triangles");
+    refused(&["no-such-scene.obj"], "choose one of maison");
+    refused(&["terrain:many"], "no number of triangles after the colon");
+    refused(&["--rays", "random"], "cannot be used with");
+    refused(&["--passes", "single,split"], "single value");
+    refused(&["terrain:2000", "--json", "-"], "name a file");
+}

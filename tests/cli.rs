@@ -47,7 +47,7 @@ fn a_render_writes_png_exr_and_json_with_the_manifest() {
         (path(folder.path(), "a.png"), path(folder.path(), "a.exr"), path(folder.path(), "a.json"));
     let common = ["render", CORNELL, "--size", "50x30", "--spp", "8", "--seed", "3", "--validate"];
     let summary = succeeds(&[&common[..], &["-o", &png, "--json", &json]].concat());
-    for words in ["device", "wide", "kernel", " ms in ", "Mrays/s"] {
+    for words in ["device", "bundle", "kernel", " ms in ", "Mrays/s"] {
         assert!(summary.contains(words), "{summary}");
     }
     succeeds(&[&common[..], &["-o", &exr]].concat());
@@ -314,7 +314,7 @@ fn the_commands_that_tell() {
         assert!(inspected.contains(words), "{words}: {inspected}");
     }
     let plan = succeeds(&["plan", MAISON]);
-    assert!(plan.contains("wide") && plan.contains("robust"), "{plan}");
+    assert!((plan.contains("bundle") || plan.contains("wide")) && plan.contains("robust"), "{plan}");
     fails(&["plan", MAISON, "--method", "stack8"], 2, "stack8 can overflow");
 }
 
@@ -332,4 +332,42 @@ fn a_scene_that_was_written_is_read_again() {
     succeeds(&["scene", "hairball", "--triangles", "500", "--seed", "4", "-o", &obj]);
     let rendered = succeeds(&["render", &obj, "--size", "16x16", "--spp", "2", "--json", "-"]);
     assert!(serde_json::from_str::<serde_json::Value>(&rendered).unwrap()["ambient_rays"].as_u64() > Some(0));
+}
+
+/// Whatever lies where compiled kernels are kept, the picture comes.
+#[test]
+fn compiled_kernels_are_kept_or_not_and_the_picture_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = |cache: &Path, name: &str| {
+        let place = path(folder.path(), name);
+        let output = Command::new(env!("CARGO_BIN_EXE_cousu"))
+            .args(["render", CORNELL, "--size", "24x15", "--spp", "4", "--validate", "-o", &place])
+            .env("COUSU_CACHE", cache)
+            .env("COUSU_DEBUG", "1")
+            .output()
+            .expect("the program starts");
+        let said = text(&output.stderr);
+        assert!(output.status.success() && !said.contains("validation:"), "{said}");
+        let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(&place).unwrap()));
+        let mut reader = decoder.read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        (pixels, said)
+    };
+    let cache = folder.path().join("cache");
+    let (first, _) = picture(&cache, "first.png");
+    assert_eq!(picture(&cache, "second.png").0, first);
+    // Some drivers keep nothing.
+    for file in fs::read_dir(cache.join("pipelines")).into_iter().flatten() {
+        let file = file.unwrap().path();
+        assert!(file.extension().is_some_and(|ending| ending == "pipelines"), "{}", file.display());
+        fs::write(&file, "no compiled kernels").unwrap();
+        let (pixels, said) = picture(&cache, "third.png");
+        assert!(pixels == first && said.contains("is passed over"), "{said}");
+    }
+    let not_a_folder = folder.path().join("first.png");
+    assert_eq!(picture(&not_a_folder, "fourth.png").0, first);
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(picture(Path::new("off"), "fifth.png").0, first);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before + 1, "the picture alone");
 }

@@ -113,7 +113,7 @@ fn a_render_ends_when_its_time_is_up_with_whole_pixels() {
     with_device(|device| {
         let scene = scene_named("cornell", None);
         let geometry = geometry(&scene, Preset::Auto);
-        let goal = Goal::Time(Duration::from_millis(1500));
+        let goal = Goal::Time(Duration::from_millis(3000));
         let job = Job { goal, ..job(&scene, (64, 40), 0..1 << 20) };
         let outcome = run(device, &plan(device, &scene, &geometry, job, Wishes::default()));
         assert!(outcome.samples > 16 && outcome.rounds > 1, "{} samples", outcome.samples);

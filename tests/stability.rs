@@ -98,7 +98,7 @@ fn every_experiment_has_its_rows_and_auto_survives_all_of_them() {
 /// Möller and Trumbore leak; the other two never do, with any method.
 fn intersectors(json: &Value) {
     let rows = rows(json, "watertight");
-    assert_eq!(rows.len(), 1 + 3 * 8);
+    assert_eq!(rows.len(), 1 + 3 * 10);
     for row in rows {
         let variant = row["variant"].as_str().unwrap();
         assert_eq!(row["cases"].as_array().unwrap().len(), 4, "{row}");
@@ -110,7 +110,7 @@ fn intersectors(json: &Value) {
 /// Plain slabs lose rays in the faces of boxes with some method; robust ones with none.
 fn slabs(json: &Value) {
     let rows = rows(json, "slabs");
-    assert_eq!(rows.len(), 1 + 2 * 8);
+    assert_eq!(rows.len(), 1 + 2 * 10);
     let of = |start: &str| -> u64 {
         let chosen = rows.iter().filter(|row| row["variant"].as_str().unwrap().starts_with(start));
         chosen.map(|row| row["failures"].as_u64().unwrap()).sum()

@@ -108,7 +108,8 @@ fn inspect_tells_which_digits_are_gone() {
 #[test]
 fn degenerate_triangles_give_right_hits_and_no_nan() {
     let (rows, folder) = stability("degenerate");
-    let all = "auto moller watertight brute stack threaded single-push ordered packet postponed wide";
+    let all =
+        "auto moller watertight brute stack threaded single-push ordered entry packet postponed wide bundle";
     for name in all.split(' ') {
         let row = &rows[name];
         assert!(row["verdict"] == "survives" && number(row, "trials") >= 1200, "{row}");

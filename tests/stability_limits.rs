@@ -97,7 +97,8 @@ fn odd_sizes_are_right_or_refused_with_a_sentence() {
         );
         assert!(notes.iter().all(|note| note.ends_with('.') && note.contains(part)), "{case}: {notes:?}");
     }
-    let methods = ["brute", "threaded", "single-push", "ordered", "packet", "postponed", "wide"];
+    let methods =
+        ["brute", "threaded", "single-push", "ordered", "entry", "packet", "postponed", "wide", "bundle"];
     for method in methods {
         survives(&rows[method], 2);
     }

@@ -12,6 +12,7 @@ const SLACK_US: f64 = 2000.0;
 /// A span: name, begin and end in microseconds, arguments.
 struct Span<'a> {
     name: &'a str,
+    thread: u64,
     begin: f64,
     end: f64,
     args: &'a Value,
@@ -26,17 +27,18 @@ fn spans_of<'a>(events: &'a [Value], process: &str) -> Vec<Span<'a>> {
         .map(|event| {
             let begin = event["ts"].as_f64().unwrap();
             let end = begin + event["dur"].as_f64().unwrap();
-            Span { name: event["name"].as_str().unwrap(), begin, end, args: &event["args"] }
+            let (name, thread) = (event["name"].as_str().unwrap(), event["tid"].as_u64().unwrap());
+            Span { name, thread, begin, end, args: &event["args"] }
         })
         .collect()
 }
 
-/// Each span lies within another one or apart from it.
+/// Each span lies within another one of its thread or apart from it.
 fn assert_nested(spans: &[Span<'_>]) {
     let mut open: Vec<&Span<'_>> = Vec::new();
     for span in spans {
         // Times are thousandths; sums of them are not.
-        while open.last().is_some_and(|last| last.end <= span.begin + 1e-4) {
+        while open.last().is_some_and(|last| last.end <= span.begin + 1e-4 || last.thread != span.thread) {
             open.pop();
         }
         if let Some(last) = open.last() {
@@ -86,9 +88,15 @@ fn the_timeline_shows_each_dispatch_within_its_submit() {
         let device = spans_of(events, record["device"].as_str().unwrap());
         assert_nested(&host);
         assert_nested(&device);
-        for name in
-            ["load scene", "build tree", "pack and upload", "compile kernels", "render", "write results"]
-        {
+        for name in [
+            "open device",
+            "load scene",
+            "build tree",
+            "pack and upload",
+            "compile kernels",
+            "render",
+            "write results",
+        ] {
             assert_eq!(host.iter().filter(|span| span.name == name).count(), 1, "{name}");
         }
         if trace["otherData"]["device_clock"] == "none" {

@@ -1,3 +1,5 @@
+CONSTANT(SPEC_SAMPLE_LANES, uint, SAMPLE_LANES, 1);
+
 // The list of pixels whose camera ray hit and that have samples to do. (passes: split, staged)
 
 STORAGE_BLOCK(BINDING_LIST) buffer ListBlock { Listed listed[]; };

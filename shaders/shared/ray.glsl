@@ -1,5 +1,8 @@
 // A ray under way and what it has met.
 
+// What a method does before any hits, where it needs to know where they start; see traverse/entry.glsl.
+#define BEGIN_ANY(works, start)
+
 // Points are origin + t direction, 0 < t <= t_max.
 struct Ray {
     vec3 origin;

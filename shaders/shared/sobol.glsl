@@ -39,9 +39,12 @@ uvec2 sobol_bits(uint index, uvec2 seed) {
 
 // The first digits that scrambling turns into those of the cell: each digit's turn depends on those above it.
 uvec2 unscrambled(uvec2 cell, uvec2 seed) {
-    uvec2 digits = uvec2(0u);
-    for (uint digit = 0u; digit < 3u; digit++) digits |= (owen_scramble(digits, seed) ^ cell) & (1u << digit);
-    return digits;
+    // owen_scramble backwards, modulo 8: products by even numbers are undone digit by digit, and the square of an odd number is 1.
+    cell ^= cell << 2;
+    uvec2 digits = cell ^ (cell * 6u);
+    digits = cell ^ (digits * 6u);
+    digits = digits * ((seed >> 16) | 1u) - seed;
+    return (digits ^ (digits << 1) ^ (digits << 2)) & 7u;
 }
 
 // The index of point `place` in that order of 2^bits points from `first` on. The cell's digits of the first dimension are the
@@ -49,8 +52,9 @@ uvec2 unscrambled(uvec2 cell, uvec2 seed) {
 // solved for the next three bits.
 uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
     uint inner = bits - SOBOL_CELL_BITS;
-    uint digits = bitfieldReverse(place >> inner) >> (32u - SOBOL_CELL_BITS);
-    uvec2 wanted = unscrambled(uvec2(digits & 3u, digits >> 2), seed);
+    // The first bit of a cell's number halves the azimuth, the next one the height, and so on: what comes in a row lies together.
+    uint cell = place >> inner;
+    uvec2 wanted = unscrambled(uvec2((cell >> 3 & 1u) | (cell & 2u), (cell >> 4) | (cell >> 1 & 2u) | (cell << 2 & 4u)), seed);
     uint index = first + ((place & ((1u << inner) - 1u)) << SOBOL_CELL_BITS) + (wanted.x & 3u);
     uint missing = pascal_product(index) ^ wanted.y;
     uint bit3 = (missing >> 1) & 1u;

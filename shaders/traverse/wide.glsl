@@ -8,7 +8,7 @@
 CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
 
 #define ROOT 0
-// No reference; see pair.glsl.
+// No reference; see children.glsl.
 #define NOTHING (-0x7fffffff - 1)
 
 uvec2 stack[STACK_ROOM];

@@ -6,6 +6,7 @@ pub mod midpoint;
 mod part;
 pub mod ploc;
 mod progress;
+pub mod quad;
 pub mod quality;
 pub mod sah;
 pub mod sbvh;

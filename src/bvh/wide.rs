@@ -210,19 +210,27 @@ fn octants(tree: &Tree, node: u32, children: &[u32]) -> Vec<(u32, usize)> {
         bounds.min * 0.5 + bounds.max * 0.5
     };
     let middle = center(node);
-    let mut pairs: Vec<(f32, u32, usize)> = children
-        .iter()
-        .flat_map(|&child| {
-            let away = center(child) - middle;
-            (0..WIDTH).map(move |slot| (away.dot(diagonal(slot)), child, slot))
-        })
-        .collect();
-    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut away = [[f32::NEG_INFINITY; WIDTH]; WIDTH];
+    for (row, &child) in away.iter_mut().zip(children) {
+        let from_middle = center(child) - middle;
+        *row = std::array::from_fn(|slot| from_middle.dot(diagonal(slot)));
+    }
+    let (mut waiting, mut free) = ([true; WIDTH], [true; WIDTH]);
     let mut given: Vec<(u32, usize)> = Vec::with_capacity(children.len());
-    for (_, child, slot) in pairs {
-        if given.iter().all(|&(other, taken)| other != child && taken != slot) {
-            given.push((child, slot));
+    for _ in children {
+        // Of equal ones the first.
+        let mut farthest: Option<(f32, usize, usize)> = None;
+        for place in (0..children.len()).filter(|&place| waiting[place]) {
+            for slot in (0..WIDTH).filter(|&slot| free[slot]) {
+                let distance = away[place][slot];
+                if farthest.is_none_or(|(best, ..)| distance.total_cmp(&best).is_gt()) {
+                    farthest = Some((distance, place, slot));
+                }
+            }
         }
+        let Some((_, place, slot)) = farthest else { break };
+        (waiting[place], free[slot]) = (false, false);
+        given.push((children[place], slot));
     }
     given
 }

@@ -21,7 +21,7 @@ pub struct ChoiceArguments {
     #[arg(long, value_enum, default_value = "auto")]
     pub preset: Preset,
     /// How a ray finds triangles: brute, stackN (such as stack16 or stack64), threaded (or cousu), single-push, ordered,
-    /// packet, postponed, wide
+    /// entry, packet, postponed, wide, bundle
     #[arg(long, value_name = "METHOD")]
     pub method: Option<Method>,
     /// How the tree is made

@@ -28,28 +28,34 @@ use crate::vk::Device;
 #[derive(Args)]
 pub struct Arguments {
     /// OBJ files, or procedural scenes by name, such as hairball or hairball:100000 (so many triangles) [default: cornell,
-    /// maison and every OBJ file in ./meshes; with --quick cornell]
+    /// maison and every OBJ file in ./meshes; with --quick cornell; with --scaling terrain]
     #[arg(value_name = "SCENE")]
-    scenes: Vec<String>,
-    /// Width and height of the picture in pixels [default: 1024x640; with --quick 160x100]
+    pub(super) scenes: Vec<String>,
+    /// How cost grows instead: procedural scenes with 1k, 10k, 100k, 1M and 10M triangles (at most N, if named as NAME:N),
+    /// more and more samples, larger and larger pictures, each builder's time, loading, memory; fits and, with -o, plots.
+    /// With --quick up to 100k triangles
+    #[arg(long, conflicts_with_all = ["rays", "views"])]
+    scaling: bool,
+    /// Width and height of the picture in pixels [default: 1024x640; with --quick 160x100; with --scaling on a CPU device
+    /// 256x160, with --quick 128x80]
     #[arg(long, value_name = "WxH", value_parser = size)]
-    size: Option<(u32, u32)>,
+    pub(super) size: Option<(u32, u32)>,
     /// Ambient rays of each pixel in a frame
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value = "4")]
-    spp: u32,
+    pub(super) spp: u32,
     /// Frames to measure of each row [default: 30, or as many as take 3 s, but at least 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    frames: Option<u32>,
-    /// Methods, separated by commas; undersized stacks drop what does not fit and count the rays [default: all]
+    pub(super) frames: Option<u32>,
+    /// Methods, separated by commas; undersized stacks drop what does not fit and count the rays [default: all; with --scaling threaded, ordered, wide, bundle (on a GPU entry and postponed for it)]
     #[arg(long, value_delimiter = ',', value_name = "METHODS")]
-    methods: Option<Vec<Method>>,
+    pub(super) methods: Option<Vec<Method>>,
     /// Builders, separated by commas; lists are multiplied with each other [default: what render chooses, and each with
     /// two methods]
     #[arg(long, value_delimiter = ',', value_name = "BUILDERS")]
-    builders: Option<Vec<Builder>>,
+    pub(super) builders: Option<Vec<Builder>>,
     /// Ways of cutting a frame into kernels, separated by commas [default: single, and each with one method]
     #[arg(long, value_delimiter = ',', value_name = "PASSES")]
-    passes: Option<Vec<Passes>>,
+    pub(super) passes: Option<Vec<Passes>>,
     /// Views, separated by semicolons: default, original (orbit 0,180) or an orbit RX,RY in degrees [default: default; for
     /// the original's choices the report's]
     #[arg(long, value_delimiter = ';', value_name = "VIEWS", allow_hyphen_values = true)]
@@ -61,21 +67,21 @@ pub struct Arguments {
     rays: PathBuf,
     /// Where the rows go as JSON
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    pub(super) json: Option<PathBuf>,
     /// Where the rows go as CSV
     #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-    /// Folder for both, as bench.json and bench.csv
+    pub(super) csv: Option<PathBuf>,
+    /// Folder for both, as bench.json and bench.csv, and for the plots of --scaling, as scaling-triangles.svg and so on
     #[arg(short, long, value_name = "DIR")]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// A first look: small pictures and few frames
     #[arg(long)]
-    quick: bool,
+    pub(super) quick: bool,
     /// Seed of the random numbers, of scenes with chance in them and of the order of frames
     #[arg(long, value_name = "N", default_value = "0")]
-    seed: u32,
+    pub(super) seed: u32,
     #[command(flatten)]
-    device: DeviceArguments,
+    pub(super) device: DeviceArguments,
 }
 
 impl FromStr for View {
@@ -115,6 +121,9 @@ struct Record {
 const STEADY: f64 = 1.05;
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.scaling {
+        return super::scaling::run(arguments);
+    }
     let options = options(arguments)?;
     let scenes = scenes(arguments)?;
     let places = places(arguments, &scenes)?;
@@ -239,12 +248,12 @@ pub(super) fn subject(name: &str, seed: u32) -> Result<Subject> {
 }
 
 /// Where the rows are saved, tried before the work begins.
-struct Places {
-    json: Vec<PathBuf>,
-    csv: Vec<PathBuf>,
+pub(super) struct Places {
+    pub json: Vec<PathBuf>,
+    pub csv: Vec<PathBuf>,
 }
 
-fn places(arguments: &Arguments, scenes: &[String]) -> Result<Places> {
+pub(super) fn places(arguments: &Arguments, scenes: &[String]) -> Result<Places> {
     let mut places = Places {
         json: arguments.json.iter().cloned().collect(),
         csv: arguments.csv.iter().cloned().collect(),

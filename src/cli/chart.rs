@@ -295,7 +295,7 @@ fn place_of_references(arguments: &Arguments) -> Result<(Option<PathBuf>, Option
             Ok(()) => return Ok((Some(place), None)),
             Err(error) => error.to_string(),
         },
-        None => "Neither XDG_CACHE_HOME nor HOME names a folder.".into(),
+        None => "COUSU_CACHE is off, or neither XDG_CACHE_HOME nor HOME names a folder.".into(),
     };
     Ok((None, Some(format!("References are not kept for later runs (--cache DIR keeps them): {reason}"))))
 }

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::devices;
+use super::{devices, session};
+use crate::cache;
 use crate::error::{Error, Result};
 use crate::gl::{Context, Preference};
 use crate::vk::{Adapter, DeviceKind, Instance};
@@ -53,6 +54,7 @@ pub fn run() -> Result<()> {
         text += "validation  layer missing (only --validate and the tests need it)\n";
         remedies.push("validation layer: apt install vulkan-validationlayers");
     }
+    text += &cached();
     if remedies.is_empty() {
         text += "\nNothing is missing.";
     } else {
@@ -87,6 +89,21 @@ fn drivers() -> String {
         }
     }
     if text.is_empty() { format!("driver      none in {}\n", ICD_FOLDERS.join(", ")) } else { text }
+}
+
+/// What is kept of compiled kernels from run to run.
+fn cached() -> String {
+    let Some(folder) = cache::folder(session::PIPELINES) else {
+        return format!("cache       off ({}, or no HOME)\n", cache::VARIABLE);
+    };
+    let files =
+        std::fs::read_dir(&folder).into_iter().flatten().filter_map(|file| file.ok()?.metadata().ok());
+    let (count, bytes) = files.fold((0, 0), |(count, bytes), file| (count + 1, bytes + file.len()));
+    format!(
+        "cache       {}: {count} files of compiled kernels, {:.1} MB\n",
+        folder.display(),
+        bytes as f64 / 1e6
+    )
 }
 
 /// The devices and what each lacks.

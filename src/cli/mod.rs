@@ -12,6 +12,7 @@ mod inspect;
 mod plan;
 mod progress;
 mod render;
+mod scaling;
 mod scene;
 mod session;
 mod stability;

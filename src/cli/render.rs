@@ -1,6 +1,7 @@
 //! `cousu render`.
 
 use std::path::{Path, PathBuf};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -8,14 +9,14 @@ use clap::Args;
 use super::args::{CameraArguments, ChoiceArguments, distance, error, seconds, size};
 use super::progress::Meter;
 use super::session::{self, DeviceArguments};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, joined};
 use crate::layout::{self, FRAME_SAMPLES, Frame};
 use crate::render::auto;
 use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::rounds::{Goal, MOST_SAMPLES};
-use crate::render::spans::Spans;
+use crate::render::spans::{Span, Spans};
 use crate::render::work::count_work;
 use crate::report::atomic::{Output, refuse_overwriting};
 use crate::report::manifest::Manifest;
@@ -195,16 +196,27 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut spans = Spans::new(start);
     let mut outputs = Outputs::claim(arguments)?;
     let (trace, heatmap) = (outputs.trace.take(), outputs.heatmap.take());
-    let begin = Instant::now();
-    let scene = Scene::load(&arguments.scene)?;
-    spans.phase("load scene", begin);
+    // A missing scene is told before a missing device.
+    let (scene, device) = thread::scope(|scope| {
+        let opening = scope.spawn(|| {
+            let begin = Instant::now();
+            session::open_silently(&arguments.device)
+                .map(|device| (device, Span::beside("open device", begin)))
+        });
+        let begin = Instant::now();
+        let scene = Scene::load(&arguments.scene)?;
+        spans.phase("load scene", begin);
+        let begin = Instant::now();
+        let (device, span) = joined(opening)?;
+        spans.phase("wait for the device", begin);
+        spans.phases.push(span);
+        Ok::<_, Error>((scene, device))
+    })?;
+    session::announce(&device);
     if !scene.report.dropped.is_empty() {
         super::tell(&format!("{}: {} (see `cousu inspect`)", scene.path, scene.report.dropped));
     }
     let camera = arguments.camera.camera(&scene, arguments.choices.preset)?;
-    let begin = Instant::now();
-    let device = session::open(&arguments.device)?;
-    spans.phase("open device", begin);
     let adapter = device.adapter();
     let begin = Instant::now();
     let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
@@ -221,15 +233,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             scene.path, geometry.copies
         ));
     }
+    let begin = Instant::now();
     let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let job = job(arguments, camera)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
+    spans.phase("plan", begin);
     let mut meter = Meter::new(plan.job.goal);
     let mut calibration = if trace.is_some() { Calibration::new(&device)? } else { None };
     let begin = Instant::now();
     let wanted = trace.is_some().then_some(&mut spans);
-    let outcome = execute::run_traced(&device, &plan, &mut |progress| meter.observe(progress), wanted)?;
+    let outcome = thread::scope(|scope| {
+        // For the record; no kernel waits for it.
+        scope.spawn(|| geometry.quality());
+        execute::run_traced(&device, &plan, &mut |progress| meter.observe(progress), wanted)
+    })?;
     meter.finish();
     if let (Goal::Rmse(goal), Some(error)) = (plan.job.goal, outcome.error)
         && error.rmse > goal

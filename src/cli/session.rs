@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::progress::BuildMeter;
+use crate::cache;
 use crate::error::Result;
 use crate::render::auto;
 use crate::render::choices::{Preset, Wishes};
@@ -22,6 +23,9 @@ pub struct DeviceArguments {
     pub validate: bool,
 }
 
+/// Compiled kernels, among what is kept from run to run.
+pub const PIPELINES: &str = "pipelines";
+
 /// The adapter that the arguments name.
 pub fn adapter(arguments: &DeviceArguments) -> Result<(Instance, Adapter)> {
     let instance = Instance::new(arguments.validate)?;
@@ -32,14 +36,26 @@ pub fn adapter(arguments: &DeviceArguments) -> Result<(Instance, Adapter)> {
 
 /// Opens it; a device that is a CPU is announced.
 pub fn open(arguments: &DeviceArguments) -> Result<Device> {
-    let (instance, adapter) = adapter(arguments)?;
+    let device = open_silently(arguments)?;
+    announce(&device);
+    Ok(device)
+}
+
+/// Says so if the device is a CPU.
+pub fn announce(device: &Device) {
+    let adapter = device.adapter();
     if adapter.kind == DeviceKind::Cpu {
         super::tell(&format!(
             "!!! {} is a CPU: no GPU was found or chosen, and everything takes some hundred times longer.",
             adapter.name
         ));
     }
-    Device::open(&instance, &adapter)
+}
+
+/// Opens it without a word, as beside the loading of a scene.
+pub fn open_silently(arguments: &DeviceArguments) -> Result<Device> {
+    let (instance, adapter) = adapter(arguments)?;
+    Device::open_with_cache(&instance, &adapter, cache::folder(PIPELINES).as_deref())
 }
 
 /// The scene as the device gets it, with the tree that the choices ask for.

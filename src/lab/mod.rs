@@ -7,6 +7,7 @@ pub mod compare;
 pub mod figure;
 pub mod ghosts;
 pub mod interleave;
+pub mod scaling;
 pub mod scenes;
 pub mod stability;
 pub mod statistics;

@@ -31,8 +31,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{
-    Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, RayRecord, SAMPLER_LCG, ThreadedNode, Triangle,
-    WideNode,
+    Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, QuadNode, RayRecord, SAMPLER_LCG, ThreadedNode,
+    Triangle, WideNode,
 };
 use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};
@@ -50,9 +50,11 @@ pub enum Traversal {
     Threaded,
     SinglePush,
     Ordered,
+    Entry,
     Packet,
     Postponed,
     Wide,
+    Bundle,
 }
 
 /// What kernels are specialized for.
@@ -104,8 +106,17 @@ impl Inputs<'_> {
         &self.tree.pair[index as usize]
     }
 
+    /// With boxes grown for the fused test.
+    pub fn load_grown(&self, index: i32) -> &PairNode {
+        &self.tree.grown[index as usize]
+    }
+
     pub fn load_wide(&self, index: i32) -> &WideNode {
         &self.tree.wide[index as usize]
+    }
+
+    pub fn load_quad(&self, index: i32) -> &QuadNode {
+        &self.tree.quad[index as usize]
     }
 }
 

@@ -51,8 +51,9 @@ fn unscrambled(cell: [u32; 2], seeds: [u32; 2]) -> [u32; 2] {
 /// The index of point `place` of 2^bits points from `first` on, cell by cell of a grid of 4 x 8.
 pub fn sobol_index(first: u32, place: u32, bits: u32, seeds: [u32; 2]) -> u32 {
     let inner = bits - CELL_BITS;
-    let digits = (place >> inner).reverse_bits() >> (32 - CELL_BITS);
-    let wanted = unscrambled([digits & 3, digits >> 2], seeds);
+    let cell = place >> inner;
+    let digits = [cell >> 3 & 1 | cell & 2, cell >> 4 | cell >> 1 & 2 | cell << 2 & 4];
+    let wanted = unscrambled(digits, seeds);
     let index = first + ((place & ((1 << inner) - 1)) << CELL_BITS) + (wanted[0] & 3);
     let missing = pascal_product(index) ^ wanted[1];
     let bit3 = missing >> 1 & 1;
@@ -185,11 +186,11 @@ mod tests {
                     let index = sobol_index(first, place, bits, seeds);
                     assert!(!std::mem::replace(&mut seen[(index - first) as usize], true), "{index} twice");
                     let [x, y] = sobol_bits(index, seeds);
-                    assert_eq!(
-                        (x >> 30) << 3 | y >> 29,
-                        place >> (bits - CELL_BITS),
-                        "{first} {bits} {place}"
-                    );
+                    // From the first digits on, one of y and one of x in turn.
+                    let digit = |word: u32, number: u32| word >> (31 - number) & 1;
+                    let cell = [digit(y, 0), digit(x, 0), digit(y, 1), digit(x, 1), digit(y, 2)];
+                    let cell = cell.into_iter().fold(0, |cell, digit| cell << 1 | digit);
+                    assert_eq!(cell, place >> (bits - CELL_BITS), "{first} {bits} {place}");
                 }
             }
         }

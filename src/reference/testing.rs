@@ -271,7 +271,11 @@ impl Scene {
             frame,
             triangles: pack::triangles(tree, triangles),
             corners: Vec::new(),
-            tree: NodeArrays::new(tree, box_pad),
+            tree: NodeArrays::new(
+                tree,
+                box_pad,
+                pack::grown_pad(box_pad, pack::box_pad(triangles) * 2f32.powi(21), REACH),
+            ),
             stack_bound: stack_bound(tree),
         }
     }

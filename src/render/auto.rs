@@ -7,7 +7,7 @@ use super::choices::{
 use super::geometry::Geometry;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::kernels::{Kernel, find_kernel};
+use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::vk::{Adapter, DeviceKind};
 
 /// How kernels read geometry.
@@ -39,19 +39,31 @@ pub struct Reason {
 pub struct Decision {
     pub settings: Settings,
     pub accessor: Accessor,
+    /// Most invocations that may share a pixel's samples.
+    pub sample_lanes: u32,
     pub reasons: Vec<Reason>,
 }
 
 /// Up to this many triangles all of them are tested: a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
-/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured: 1.3 times the rate of
-/// `postponed` with 32 triangles on an H100, 0.85 times with 5,456).
+/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured on an H100 at 64 samples: 1.02 to 1.06 times
+/// the rate of `entry` with 32 triangles, 0.7 times with 5,456).
 const WIDE_UP_TO: usize = 256;
 
-/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 1.5 times the
-/// rate of `ordered` on the hairball, 0.83 to 0.96 on maison, bunny, arcade and terrain).
+/// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
+/// on Mesa's software device: 1.1 to 2.4 times the rate of `wide` on Cornell, maison, bunny and arcade, 0.8 to 1 on the terrain of two million
+/// triangles and on the hairball, of cost 189).
+const BUNDLE_UP_TO_COST: f64 = 100.0;
+const BUNDLE_UP_TO: usize = 1_000_000;
+
+/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 2 times the
+/// rate of `entry` on the hairball, 0.8 to 1.1 on maison, bunny, arcade and terrain).
 const POSTPONED_FROM: f64 = 100.0;
+
+/// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
+/// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
+const SAMPLE_LANES: u32 = 8;
 
 /// The tree's builder, chosen before there is a tree.
 pub fn choose_builder(wishes: &Wishes) -> Builder {
@@ -156,20 +168,35 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
         _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
     };
     note("builder", settings.builder.name().into(), why);
-    Decision { settings, accessor, reasons }
+    // Where a driver leaves loops early a block must be able to begin with the ray that was left.
+    let narrow = adapter.kind == DeviceKind::Cpu || adapter.limits.loop_iterations.is_some();
+    let sample_lanes = if narrow { 1 } else { SAMPLE_LANES };
+    Decision { settings, accessor, sample_lanes, reasons }
 }
 
 fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
     let on_cpu = adapter.kind == DeviceKind::Cpu;
-    let cost = geometry.quality().sah_cost;
+    // It takes a while for millions of triangles, and on a CPU device their number decides.
+    let cost = if on_cpu && triangles > BUNDLE_UP_TO { 0.0 } else { geometry.quality().sah_cost };
     let votes =
         find_kernel("ambient/postponed/count/ssbo").and_then(|kernel| check_subgroup(kernel, adapter));
+    let together =
+        find_kernel("ambient_list/bundle/texel").and_then(|kernel| check_subgroup(kernel, adapter));
     if triangles <= BRUTE_UP_TO {
         let why = format!("{triangles} triangles, at most {BRUTE_UP_TO}: a tree would not pay");
         (Method::Brute, why)
+    } else if on_cpu && together.is_err() {
+        (
+            Method::Wide,
+            "a CPU device whose subgroups have not eight lanes is fastest with few, large nodes".into(),
+        )
+    } else if on_cpu && triangles > BUNDLE_UP_TO {
+        (Method::Wide, format!("{triangles} triangles, above {BUNDLE_UP_TO}: neighbouring rays part early"))
+    } else if on_cpu && cost > BUNDLE_UP_TO_COST {
+        (Method::Wide, format!("SAH cost {cost:.0}, above {BUNDLE_UP_TO_COST}: neighbouring rays part early"))
     } else if on_cpu {
-        (Method::Wide, "a CPU device is fastest with few, large nodes".into())
+        (Method::Bundle, "a CPU device is fastest where many rays share what a node costs".into())
     } else if triangles <= WIDE_UP_TO {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if cost > POSTPONED_FROM && votes.is_ok() {
@@ -179,8 +206,9 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
         (Method::Postponed, why)
     } else {
         (
-            Method::Ordered,
-            "a GPU is fastest with two-child nodes, near child first, while few leaves are met".into(),
+            Method::Entry,
+            "a GPU is fastest with two-child nodes, from where the rays start, while few leaves are met"
+                .into(),
         )
     }
 }
@@ -202,7 +230,7 @@ fn choose_passes(method: Method, adapter: &Adapter) -> (Passes, &'static str) {
         _ if adapter.kind == DeviceKind::Cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Postponed => {
+        Method::Ordered | Method::Entry | Method::Postponed => {
             (Passes::Split, "ambient rays of few pixels would hold up the others")
         }
         _ => (Passes::Single, "one kernel does all of a pixel"),
@@ -242,16 +270,27 @@ pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) ->
 
 /// Refuses a kernel whose subgroup operations the device does not have.
 pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
+    // Its votes went wrong on an H100 (docs/measurements.md).
+    if kernel.nodes == NodeLayout::Quad && adapter.kind != DeviceKind::Cpu {
+        return Err(Error::device(format!(
+            "bundle is made for CPU devices, and lost rays on a GPU: choose --method ordered for {}.",
+            adapter.name
+        )));
+    }
     check_operations(kernel, &adapter.name, adapter.subgroup.size, &adapter.subgroup.operations())
 }
 
 /// Lanes that `packet` shares a node's words among, where they are texels.
 const FEWEST_LANES: u32 = 4;
+/// Lanes of `bundle`, where nodes are texels.
+const BUNDLE_LANES: u32 = 8;
 
 fn check_operations(kernel: &Kernel, device: &str, size: u32, operations: &[&str]) -> Result<()> {
     let lacking: Vec<&str> =
         kernel.subgroup.iter().filter(|needed| !operations.contains(needed)).copied().collect();
+    let of_eight = kernel.nodes == NodeLayout::Quad && kernel.name.ends_with("/texel");
     let lack = match lacking.len() {
+        0 if of_eight && size != BUNDLE_LANES => format!("subgroups of {BUNDLE_LANES} lanes"),
         0 if kernel.subgroup.contains(&"shuffle") && size < FEWEST_LANES => {
             format!("subgroups of at least {FEWEST_LANES} lanes")
         }
@@ -278,6 +317,10 @@ mod tests {
         assert!(few.contains("at least 4 lanes"), "{few}");
         let none = check_operations(packet, "A", 32, &["basic", "vote"]).unwrap_err().to_string();
         assert!(none.contains("arithmetic") && none.contains("--method ordered"), "{none}");
+        let bundle = find_kernel("ambient/bundle/count/texel").unwrap();
+        check_operations(bundle, "A", 8, &all).unwrap();
+        let other = check_operations(bundle, "A", 16, &all).unwrap_err().to_string();
+        assert!(other.contains("subgroups of 8 lanes"), "{other}");
         let ordered = find_kernel("ambient/ordered/count/ssbo").unwrap();
         check_operations(ordered, "A", 0, &[]).unwrap();
     }
@@ -286,7 +329,8 @@ mod tests {
     #[test]
     fn timed_kernels_have_no_subgroup_operations_but_their_method_s() {
         for kernel in KERNELS {
-            let votes = ["/packet/", "/postponed/"].iter().any(|method| kernel.name.contains(method));
+            let votes =
+                ["/packet/", "/postponed/", "/bundle/"].iter().any(|method| kernel.name.contains(method));
             let counts = kernel.name.starts_with("work/");
             assert_eq!(
                 !kernel.subgroup.is_empty(),

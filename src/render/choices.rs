@@ -87,12 +87,16 @@ pub enum Method {
     SinglePush,
     /// Nodes with both children's boxes, the near child first.
     Ordered,
+    /// Rays share the way from the root to where they start.
+    Entry,
     /// A subgroup's rays share one stack.
     Packet,
     /// Leaves wait until enough of the subgroup have one.
     Postponed,
     /// A compressed tree of eight children a node.
     Wide,
+    /// A subgroup's rays share one stack, several rays a lane.
+    Bundle,
 }
 
 impl Preset {
@@ -114,16 +118,23 @@ impl Method {
             Self::Threaded => "threaded",
             Self::SinglePush => "single-push",
             Self::Ordered => "ordered",
+            Self::Entry => "entry",
             Self::Packet => "packet",
             Self::Postponed => "postponed",
             Self::Wide => "wide",
+            Self::Bundle => "bundle",
         }
     }
 
+    /// Rays of an invocation that share their way through the tree.
+    pub fn rays_together(self) -> u32 {
+        if self == Self::Bundle { 4 } else { 1 }
+    }
+
     /// Every method, `stackN` with so many entries.
-    pub fn all(stack: u32) -> [Self; 8] {
+    pub fn all(stack: u32) -> [Self; 10] {
         use Method::*;
-        [Brute, Stack(stack), Threaded, SinglePush, Ordered, Packet, Postponed, Wide]
+        [Brute, Stack(stack), Threaded, SinglePush, Ordered, Entry, Packet, Postponed, Wide, Bundle]
     }
 }
 
@@ -153,7 +164,7 @@ impl FromStr for Method {
                     Some(_) => Err(format!("a stack has 1 to {MOST_STACK} entries")),
                     None => {
                         Err("choose brute, stackN (such as stack16 or stack64), threaded (or cousu), single-push, \
-                             ordered, packet, postponed or wide"
+                             ordered, entry, packet, postponed, wide or bundle"
                             .into())
                     }
                 }
@@ -203,9 +214,11 @@ mod tests {
             "threaded",
             "single-push",
             "ordered",
+            "entry",
             "packet",
             "postponed",
             "wide",
+            "bundle",
         ] {
             assert_eq!(name.parse::<Method>().unwrap().to_string(), name);
         }

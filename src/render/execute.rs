@@ -1,5 +1,6 @@
 //! Runs a plan on a Vulkan device.
 
+use std::thread;
 use std::time::Instant;
 
 use super::adaptive::{PILOT, Shares};
@@ -9,10 +10,10 @@ use super::picture::{Accumulated, ErrorEstimate, rmse_estimate};
 use super::plan::Plan;
 use super::rounds::{Goal, Round, Rounds};
 use super::seeds::hash;
-use super::spans::Spans;
-use super::stage::{Stage, Uploaded};
+use super::spans::{Span, Spans};
+use super::stage::{Stage, Uploaded, compile};
 use super::tally::{KernelTime, Progress, Tally};
-use crate::error::Result;
+use crate::error::{Error, Result, joined};
 use crate::layout::{self, Budget, Carry, Count, RayRecord, Work};
 use crate::vk::{Device, ImageFormat};
 
@@ -53,11 +54,22 @@ pub fn run_traced(
     let start = Instant::now();
     let mut tally = Tally::new(plan, observe);
     tally.spans = spans;
-    let uploaded = Uploaded::new(device, plan)?;
-    tally.phase("pack and upload", start);
+    let (uploaded, pipelines) = thread::scope(|scope| {
+        let compiling = scope.spawn(|| {
+            let begin = Instant::now();
+            compile(device, plan).map(|pipelines| (pipelines, Span::beside("compile kernels", begin)))
+        });
+        let uploaded = Uploaded::new(device, plan)?;
+        tally.phase("pack and upload", start);
+        let begin = Instant::now();
+        let (pipelines, span) = joined(compiling)?;
+        tally.phase("wait for kernels", begin);
+        tally.beside(span);
+        Ok::<_, Error>((uploaded, pipelines))
+    })?;
     let begin = Instant::now();
-    let mut stage = Stage::with_uploaded(device, plan, uploaded)?;
-    tally.phase("compile kernels", begin);
+    let mut stage = Stage::with(device, plan, uploaded, pipelines)?;
+    tally.phase("make buffers", begin);
     let mut rounds =
         Rounds::new(plan.job.goal, plan.settings.sampler, plan.job.samples.len() as u32, plan.job.jitters);
     let in_rounds = plan.job.goal != Goal::Samples || plan.job.adaptive;

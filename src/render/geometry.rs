@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::OnceLock;
 use std::time::Instant;
 
+use crate::bvh::quad::QuadTree;
 use crate::bvh::quality::Quality;
 use crate::bvh::wide::WideTree;
 use crate::bvh::{self, Builder, Tree};
@@ -26,7 +27,7 @@ pub struct Geometry {
     pub triangles: Vec<Triangle>,
     pub tree: Tree,
     corners: OnceLock<Vec<Corners>>,
-    wide: OnceLock<WideTree>,
+    collapsed: pack::Collapsed,
     quality: OnceLock<Quality>,
     /// By how much robust slabs grow boxes, device units.
     pub box_pad: f32,
@@ -72,7 +73,7 @@ impl Geometry {
         let placement = if conditioned { Placement::conditioned(&scene.bounds) } else { Placement::IDENTITY };
         let mut placed = condition::place(&scene.mesh, &placement);
         // The original took them as they were.
-        if conditioned {
+        if conditioned && !placed.par_iter().all(has_area) {
             placed.retain(has_area);
         }
         let without_area = scene.mesh.triangles.len() - placed.len();
@@ -87,19 +88,23 @@ impl Geometry {
         let tree = bvh::build(builder, &placed, progress);
         let triangles = pack::triangles(&tree, &placed);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        let (box_pad, (stack_bound, shares_edges)) = rayon::join(
+            || pack::box_pad(&placed),
+            || (bvh::stack::stack_bound(&tree), shares_edges(&scene.mesh, &placement)),
+        );
         Ok(Self {
             builder,
             placement,
-            box_pad: pack::box_pad(&placed),
-            stack_bound: bvh::stack::stack_bound(&tree),
+            box_pad,
+            stack_bound,
             triangles,
             tree,
             corners: OnceLock::new(),
-            wide: OnceLock::new(),
+            collapsed: pack::Collapsed::default(),
             quality: OnceLock::new(),
             build_ms,
             without_area,
-            shares_edges: shares_edges(&scene.mesh, &placement),
+            shares_edges,
             copies,
         })
     }
@@ -108,7 +113,16 @@ impl Geometry {
 impl Geometry {
     /// The tree collapsed to eight children a node, made when first asked for.
     pub fn wide(&self) -> &WideTree {
-        self.wide.get_or_init(|| WideTree::new(&self.tree))
+        self.collapsed.wide(&self.tree)
+    }
+
+    /// The same to four children a node.
+    pub fn quad(&self) -> &QuadTree {
+        self.collapsed.quad(&self.tree)
+    }
+
+    pub fn collapsed(&self) -> &pack::Collapsed {
+        &self.collapsed
     }
 
     /// The largest coordinate, device units.
@@ -125,7 +139,11 @@ impl Geometry {
 
     /// Most triangles in a leaf that this method meets.
     pub fn largest_leaf_of(&self, method: Method) -> u32 {
-        if method == Method::Wide { self.wide().largest_leaf() } else { self.tree.largest_leaf() }
+        match method {
+            Method::Wide => self.wide().largest_leaf(),
+            Method::Bundle => self.quad().largest_leaf(),
+            _ => self.tree.largest_leaf(),
+        }
     }
 
     /// Entries that a ray's stack can need with this method; 0 without a stack.
@@ -135,8 +153,9 @@ impl Geometry {
             Method::Stack(_) => self.stack_bound,
             Method::SinglePush => bvh::stack::single_push_bound(&self.tree),
             // Of two children one is visited at once, whichever it is, and the other waits.
-            Method::Ordered | Method::Packet | Method::Postponed => self.tree.depth(),
+            Method::Ordered | Method::Entry | Method::Packet | Method::Postponed => self.tree.depth(),
             Method::Wide => self.wide().stack_bound(),
+            Method::Bundle => self.quad().stack_bound(),
         }
     }
 }
@@ -177,13 +196,16 @@ fn leave_out_copies(mesh: &Mesh, placement: &Placement, placed: &mut Vec<Triangl
     let mut keys: Vec<(u64, usize)> = placed.par_iter().enumerate().map(key).collect();
     keys.par_sort_unstable();
     let mut is_copy = vec![false; placed.len()];
-    for same in keys.chunk_by(|a, b| a.0 == b.0) {
+    for same in keys.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
         let first = corners(&placed[same[0].1]);
         for &(_, place) in &same[1..] {
             is_copy[place] = corners(&placed[place]) == first;
         }
     }
     let before = placed.len();
+    if !is_copy.contains(&true) {
+        return 0;
+    }
     let mut places = is_copy.iter();
     placed.retain(|_| places.next() != Some(&true));
     before - placed.len()

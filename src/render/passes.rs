@@ -4,7 +4,7 @@
 use std::cell::Cell;
 
 use super::choices::{Accumulator, Passes};
-use super::plan::Plan;
+use super::plan::{Plan, SAMPLES_A_LANE};
 use crate::error::Result;
 use crate::layout::{
     self, HitRecord, ListArguments, Listed, Partial, Range, RayRecord, STAGE_ANY, STAGE_BOTH, STAGE_CLOSEST,
@@ -28,6 +28,7 @@ pub const MOST_DISPATCHES: usize = 6;
 fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
     match (device, plan.settings.accumulator) {
         (DeviceKind::Cpu, _) => 1024,
+        (_, Accumulator::Count) if plan.sample_lanes() > 1 => plan.sample_lanes() * SAMPLES_A_LANE,
         (_, Accumulator::Count) => GPU_BLOCK,
         _ => 1,
     }

@@ -66,6 +66,8 @@ pub struct Plan<'a> {
     pub frame: Frame,
     /// The largest coordinate that a ray's origin may have, device units: boxes are grown for that (see [`Self::with_reach`]).
     pub reach: f64,
+    /// The same of any-hit rays, which in a render start at surfaces, not at the eye.
+    pub any_reach: f64,
     /// Rows of `kernels.txt`, in the order of [`Passes`]' steps.
     pub kernels: Vec<&'static Kernel>,
     /// Specialization constants: (id, value).
@@ -114,6 +116,7 @@ impl<'a> Plan<'a> {
         check_brute(&settings, &frame, limits)?;
         let plan = Self {
             reach: reach_of(&frame),
+            any_reach: surface_reach(&frame),
             frame,
             kernels,
             constants: vec![
@@ -130,6 +133,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_REPEAT, 0),
                 (layout::SPEC_BUDGETS, u32::from(job.adaptive)),
                 (layout::SPEC_MARKS_MISSES, 1),
+                (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
@@ -145,8 +149,9 @@ impl<'a> Plan<'a> {
     }
 
     /// For rays that start farther away than those of the plan's own render, lists of them: no coordinate of an origin
-    /// exceeds `reach`, device units. The watertight intersector needs to know.
+    /// exceeds `reach`, device units. The watertight intersector and the method `entry` need to know.
     pub fn with_reach(mut self, reach: f64) -> Self {
+        self.any_reach = self.any_reach.max(reach);
         if reach > self.reach {
             self.reach = reach;
             if self.corners.is_some() {
@@ -156,16 +161,35 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// Refuses rays whose hits the boxes could lose.
-    pub fn check_reach(&self, reach: f64) -> Result<()> {
+    /// Refuses rays whose hits the boxes could lose; those that ask for any hit, or for the closest.
+    pub fn check_reach(&self, reach: f64, any_hits: bool) -> Result<()> {
         // Origins are sums that round; the pad has room for that.
-        if self.corners.is_none() || reach <= self.reach * (1.0 + 1e-6) {
+        let mut made_for = f64::INFINITY;
+        if self.corners.is_some() {
+            made_for = self.reach;
+        }
+        if any_hits && self.settings.method == Method::Entry {
+            made_for = made_for.min(self.any_reach);
+        }
+        if reach <= made_for * (1.0 + 1e-6) {
             return Ok(());
         }
         Err(Error::other(format!(
             "Rays start {reach:e} device units from the scene's centre along an axis, and the plan was made for {:e} at most.",
-            self.reach
+            made_for
         )))
+    }
+
+    /// Rays of an invocation that share their way through the tree.
+    pub fn rays_together(&self) -> u32 {
+        // What steps a state or weighs its rays takes one after the other.
+        let one_by_one = self.settings.sampler == Sampler::Lcg || self.settings.preset.is_original();
+        if one_by_one { 1 } else { self.settings.method.rays_together() }
+    }
+
+    /// Invocations that share a pixel's samples.
+    pub fn sample_lanes(&self) -> u32 {
+        self.constants.iter().find(|(id, _)| *id == layout::SPEC_SAMPLE_LANES).map_or(1, |(_, lanes)| *lanes)
     }
 
     /// With another value of a specialization constant.
@@ -182,7 +206,7 @@ impl<'a> Plan<'a> {
         match (self.settings.passes, self.settings.accumulator, &self.kernels[..]) {
             (Passes::Split, Accumulator::Count, &[primary, list, ..]) => {
                 self.kernels = vec![primary, list, kernel];
-                Ok(self)
+                Ok(self.with_constant(layout::SPEC_SAMPLE_LANES, 1))
             }
             _ => {
                 Err(Error::other(format!("{name} works with --passes split and --accumulator count alone.")))
@@ -226,12 +250,12 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
     pub fn node_bytes(&self) -> Vec<u8> {
-        pack::node_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide(), self.node_pad())
+        pack::node_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed(), self.node_pad())
     }
 
     /// Bytes of the tree's nodes.
     pub fn node_array_bytes(&self) -> u64 {
-        pack::node_array_bytes(self.node_layout(), &self.geometry.tree, || self.geometry.wide())
+        pack::node_array_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed())
     }
 
     /// How the kernels that traverse want the tree.
@@ -259,7 +283,11 @@ impl<'a> Plan<'a> {
 
     /// By how much the boxes of nodes are grown on every side, device units.
     pub fn node_pad(&self) -> f32 {
-        if self.settings.slabs == Slabs::Robust { self.frame.box_pad } else { 0.0 }
+        match (self.settings.method, self.settings.slabs) {
+            (Method::Entry, _) => pack::grown_pad(self.frame.box_pad, self.frame.largest, self.any_reach),
+            (_, Slabs::Robust) => self.frame.box_pad,
+            (_, Slabs::Plain) => 0.0,
+        }
     }
 
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
@@ -280,6 +308,24 @@ impl<'a> Plan<'a> {
         }
         Ok(())
     }
+}
+
+/// Samples that are left to each of the invocations that share a pixel's, at least.
+pub const SAMPLES_A_LANE: u32 = 8;
+
+/// Invocations that share a pixel's samples: a power of two. Sums of floats and states that step need one, and `packet` lost
+/// rays on an H100 with more (docs/measurements.md).
+fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
+    let any_order = settings.passes == Passes::Split
+        && settings.accumulator == Accumulator::Count
+        && settings.sampler != Sampler::Lcg
+        && !matches!(settings.method, Method::Packet | Method::Bundle)
+        && !settings.preset.is_original();
+    if !any_order {
+        return 1;
+    }
+    let enough = (job.samples.len() as u32 / SAMPLES_A_LANE).max(1);
+    decision.sample_lanes.min(1 << enough.ilog2())
 }
 
 /// The camera must be one that 32-bit floats can hold.
@@ -431,7 +477,12 @@ fn reach_of(frame: &Frame) -> f64 {
     let eye = most(frame.origin)
         + most(frame.origin_dx) * f64::from(frame.width)
         + most(frame.origin_dy) * f64::from(frame.height);
-    eye.max(f64::from(frame.largest) * (1.0 + 2f64.powi(-14)) + f64::from(frame.offset))
+    eye.max(surface_reach(frame))
+}
+
+/// The same of rays that start at surfaces.
+fn surface_reach(frame: &Frame) -> f64 {
+    f64::from(frame.largest) * (1.0 + 2f64.powi(-14)) + f64::from(frame.offset)
 }
 
 /// The frame of a render whose camera rays follow `model`.

@@ -130,7 +130,7 @@ impl<'a> RayLists<'a> {
 
     /// The same, and how many of the rays lost a part of the tree to a full stack.
     pub fn trace_counting(&self, query: Query, rays: &[RayRecord]) -> Result<(Vec<HitRecord>, u64)> {
-        self.plan.check_reach(reach_of(rays))?;
+        self.plan.check_reach(reach_of(rays), query == Query::Any)?;
         let kernel = trace_kernel(self.plan);
         let mut hits = Vec::with_capacity(rays.len());
         let mut overflowed = 0;

@@ -77,7 +77,7 @@ impl<'a> Retraced<'a> {
         set: &'a RaySet,
         query: Query,
     ) -> Result<Self> {
-        plan.check_reach(set.reach)?;
+        plan.check_reach(set.reach, query == Query::Any)?;
         let kernel = find_kernel(&trace_kernel(plan))?;
         auto::check_subgroup(kernel, device.adapter())?;
         let hits = |piece: &Piece| {

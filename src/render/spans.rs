@@ -11,6 +11,15 @@ pub struct Span {
     pub name: &'static str,
     pub begin: Instant,
     pub end: Instant,
+    /// On a second thread, beside what the first one does.
+    pub beside: bool,
+}
+
+impl Span {
+    /// What a second thread did from `begin` until now.
+    pub fn beside(name: &'static str, begin: Instant) -> Self {
+        Self { name, begin, end: Instant::now(), beside: true }
+    }
 }
 
 /// A submit: what was asked of the device and when it was done.
@@ -39,6 +48,6 @@ impl Spans {
 
     /// Notes that a phase ends now.
     pub fn phase(&mut self, name: &'static str, begin: Instant) {
-        self.phases.push(Span { name, begin, end: Instant::now() });
+        self.phases.push(Span { name, begin, end: Instant::now(), beside: false });
     }
 }

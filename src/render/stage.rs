@@ -1,6 +1,9 @@
 //! A plan on a device: its kernels compiled, its scene uploaded.
 
 use std::rc::Rc;
+use std::thread;
+
+use rayon::prelude::*;
 
 use super::auto;
 use super::choices::Passes;
@@ -8,7 +11,7 @@ use super::execute::{image_format, pixels_of};
 use super::geometry::Geometry;
 use super::plan::Plan;
 use super::schedule::Pace;
-use crate::error::Result;
+use crate::error::{Error, Result, joined};
 use crate::kernels::NodeLayout;
 use crate::layout::{Frame, Range};
 use crate::vk::{Batch, Buffer, BufferUse, Device, DeviceKind, Image, Pipeline, PipelineStatistics};
@@ -22,12 +25,17 @@ pub struct Uploaded {
 
 impl Uploaded {
     pub fn new(device: &Device, plan: &Plan<'_>) -> Result<Self> {
-        let triangles = Buffer::with_content(device, "triangles", usage_of(plan), plan.triangle_bytes())?;
-        Ok(Self { nodes: Self::upload_nodes(device, plan)?, triangles: Rc::new(triangles) })
+        // Nodes are packed while triangles travel.
+        let (nodes, triangles) = thread::scope(|scope| {
+            let packing = scope.spawn(|| Ok(plan.node_bytes()));
+            let triangles = Buffer::with_content(device, "triangles", usage_of(plan), plan.triangle_bytes())?;
+            Ok::<_, Error>((joined(packing)?, triangles))
+        })?;
+        Ok(Self { nodes: Self::upload_nodes(device, plan, &nodes)?, triangles: Rc::new(triangles) })
     }
 
-    fn upload_nodes(device: &Device, plan: &Plan<'_>) -> Result<Rc<Buffer>> {
-        Ok(Rc::new(Buffer::with_content(device, "nodes", usage_of(plan), &plan.node_bytes())?))
+    fn upload_nodes(device: &Device, plan: &Plan<'_>, nodes: &[u8]) -> Result<Rc<Buffer>> {
+        Ok(Rc::new(Buffer::with_content(device, "nodes", usage_of(plan), nodes)?))
     }
 }
 
@@ -69,9 +77,10 @@ impl Uploads {
             known.geometry == key.geometry && known.texels == key.texels && known.corners == key.corners
         };
         let uploaded = match self.known.iter().find(|(known, _)| same(known)) {
-            Some((_, there)) => {
-                Uploaded { nodes: Uploaded::upload_nodes(device, plan)?, triangles: there.triangles.clone() }
-            }
+            Some((_, there)) => Uploaded {
+                nodes: Uploaded::upload_nodes(device, plan, &plan.node_bytes())?,
+                triangles: there.triangles.clone(),
+            },
             None => Uploaded::new(device, plan)?,
         };
         self.known.push((key, uploaded.clone()));
@@ -115,6 +124,15 @@ pub struct Stage<'a> {
     pub pace: Pace,
 }
 
+/// A plan's kernels, made ready for the device, several at once where there are threads for it.
+pub fn compile(device: &Device, plan: &Plan<'_>) -> Result<Vec<Pipeline>> {
+    for kernel in &plan.kernels {
+        auto::check_subgroup(kernel, device.adapter())?;
+    }
+    let one = |kernel: &&'static _| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32);
+    plan.kernels.par_iter().map(one).collect()
+}
+
 impl<'a> Stage<'a> {
     pub fn new(device: &'a Device, plan: &'a Plan<'a>) -> Result<Self> {
         Self::with_uploaded(device, plan, Uploaded::new(device, plan)?)
@@ -122,15 +140,20 @@ impl<'a> Stage<'a> {
 
     /// With arrays that are there already; they must be the plan's.
     pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
-        for kernel in &plan.kernels {
-            auto::check_subgroup(kernel, device.adapter())?;
-        }
-        let compile =
-            |kernel: &&'static _| Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32);
+        Self::with(device, plan, uploaded, compile(device, plan)?)
+    }
+
+    /// With arrays and kernels that are there already; they must be the plan's.
+    pub fn with(
+        device: &'a Device,
+        plan: &'a Plan<'a>,
+        uploaded: Uploaded,
+        pipelines: Vec<Pipeline>,
+    ) -> Result<Self> {
         Ok(Self {
             device,
             plan,
-            pipelines: plan.kernels.iter().map(compile).collect::<Result<_>>()?,
+            pipelines,
             nodes: uploaded.nodes,
             triangles: uploaded.triangles,
             frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
@@ -188,7 +211,7 @@ fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
     let (rays_per_ms, dispatch_ms, submit_ms, samples, least_workgroups) = match adapter.kind {
         DeviceKind::Discrete => (4e5, 100.0, 200.0, 16, 1024),
         DeviceKind::Integrated | DeviceKind::Virtual | DeviceKind::Other => (3e4, 50.0, 100.0, 16, 128),
-        DeviceKind::Cpu => (1e3, 100.0, 250.0, 1024, 1),
+        DeviceKind::Cpu => (4e3, 100.0, 250.0, 1024, 1),
     };
     // Where the work of a pixel is spread over many invocations, no long pixel holds up a dispatch.
     let samples = if plan.settings.passes == Passes::Single { samples } else { 1024 };
@@ -199,7 +222,11 @@ fn pace(device: &Device, plan: &Plan<'_>) -> Pace {
         submit_ms,
         samples,
         least_workgroups,
-        workgroups: limits.workgroups,
-        loop_iterations: limits.loop_iterations.filter(|_| !plan.tuning.unguarded),
+        workgroups: (limits.workgroups / plan.sample_lanes()).max(1),
+        // Rays that go together share their iterations.
+        loop_iterations: limits
+            .loop_iterations
+            .filter(|_| !plan.tuning.unguarded)
+            .map(|limit| limit.saturating_mul(plan.rays_together())),
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::plan::Plan;
 use super::rounds::Rounds;
-use super::spans::{Spans, Submit};
+use super::spans::{Span, Spans, Submit};
 use crate::layout::{Counters, Range, STAGE_CLOSEST};
 use crate::vk::Finished;
 
@@ -125,6 +125,13 @@ impl<'a> Tally<'a> {
     pub fn phase(&mut self, name: &'static str, begin: Instant) {
         if let Some(spans) = &mut self.spans {
             spans.phase(name, begin);
+        }
+    }
+
+    /// Notes what a second thread did.
+    pub fn beside(&mut self, span: Span) {
+        if let Some(spans) = &mut self.spans {
+            spans.phases.push(span);
         }
     }
 

@@ -23,7 +23,7 @@ pub fn truth<'a>(plan: &'a Plan<'_>) -> Truth<'a> {
 
 impl Twin {
     pub fn new(plan: &Plan<'_>) -> Self {
-        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.node_pad()) }
+        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.node_pad(), plan.node_pad()) }
     }
 
     pub fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {
@@ -45,9 +45,11 @@ impl Twin {
                 Method::Threaded => Traversal::Threaded,
                 Method::SinglePush => Traversal::SinglePush,
                 Method::Ordered => Traversal::Ordered,
+                Method::Entry => Traversal::Entry,
                 Method::Packet => Traversal::Packet,
                 Method::Postponed => Traversal::Postponed,
                 Method::Wide => Traversal::Wide,
+                Method::Bundle => Traversal::Bundle,
             },
             original: plan.settings.preset.is_original(),
             facing: plan.settings.preset != Preset::Original,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::atomic::{Output, folder};
 use super::{exr, exr_read};
+use crate::cache;
 use crate::error::Result;
 use crate::lab::chart::reference::{Recipe, Store, Sums};
 
@@ -21,11 +22,9 @@ pub struct References {
     pub note: Option<String>,
 }
 
-/// The folder that the system has for such things (XDG Base Directory Specification: relative paths are ignored).
+/// The folder for them, if there is one.
 pub fn usual_folder() -> Option<PathBuf> {
-    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let caches = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
-    Some(caches.join("cousu").join("references"))
+    cache::folder("references")
 }
 
 /// Makes the folder, if need be, and finds out whether it can be written.

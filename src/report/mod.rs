@@ -14,5 +14,7 @@ pub mod manifest;
 pub mod plot;
 pub mod png;
 pub mod record;
+pub mod scaling;
+pub mod scaling_plot;
 pub mod stability;
 pub mod trace;

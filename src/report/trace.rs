@@ -13,10 +13,12 @@ use super::manifest::Manifest;
 use crate::render::spans::{Spans, Submit};
 use crate::vk::Calibration;
 
-/// Processes of the trace, one a clock, each with one thread.
+/// Processes of the trace, one a clock, and their threads.
 const HOST: u32 = 1;
 const DEVICE: u32 = 2;
 const TRACK: u32 = 1;
+/// The host's second thread.
+const BESIDE: u32 = 2;
 
 /// How times of the device came onto the host's clock.
 enum Alignment<'a> {
@@ -124,17 +126,20 @@ impl<'a> Timeline<'a> {
     fn events(&self) -> Vec<Event> {
         let mut spans = Vec::new();
         for span in &self.spans.phases {
-            spans.push(Event::span(span.name, HOST, (self.host(span.begin), self.host(span.end)), json!({})));
+            let event = Event::span(span.name, HOST, (self.host(span.begin), self.host(span.end)), json!({}));
+            spans.push(Event { tid: if span.beside { BESIDE } else { TRACK }, ..event });
         }
         for (number, submit) in self.spans.submits.iter().enumerate() {
             self.add_submit(number, submit, &mut spans);
         }
         // What lies within another span stands after it.
-        let order = |event: &Event| (event.pid, event.ts.unwrap_or(0.0), -event.dur.unwrap_or(0.0));
+        let order =
+            |event: &Event| (event.pid, event.tid, event.ts.unwrap_or(0.0), -event.dur.unwrap_or(0.0));
         spans.sort_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(std::cmp::Ordering::Equal));
         let mut events = vec![
             Event::label("process_name", HOST, "host"),
             Event::label("thread_name", HOST, "cousu"),
+            Event { tid: BESIDE, ..Event::label("thread_name", HOST, "cousu, beside") },
             Event::label("process_name", DEVICE, &self.manifest.device),
             Event::label("thread_name", DEVICE, "queue"),
         ];

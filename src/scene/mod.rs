@@ -51,15 +51,14 @@ impl Mesh {
     /// Names the geometry: equal meshes have equal hashes on every machine.
     pub fn hash(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
-        for position in &self.positions {
-            for value in position.to_array() {
-                hasher.update(&value.to_le_bytes());
-            }
-        }
-        for triangle in &self.triangles {
-            for index in triangle {
-                hasher.update(&index.to_le_bytes());
-            }
+        if cfg!(target_endian = "little") {
+            // The same bytes in two pieces: number by number takes ten times as long.
+            hasher.update(bytemuck::cast_slice(&self.positions));
+            hasher.update(bytemuck::cast_slice(&self.triangles));
+        } else {
+            let numbers = self.positions.iter().flat_map(|position| position.to_array());
+            numbers.for_each(|number| hasher.update(&number.to_le_bytes()));
+            self.triangles.iter().flatten().for_each(|index| hasher.update(&index.to_le_bytes()));
         }
         hasher.digest()
     }
@@ -80,9 +79,26 @@ impl Scene {
     pub fn load(path: &Path) -> Result<Self> {
         let start = Instant::now();
         let obj::Loaded { mesh, report } = obj::load(path)?;
-        let bounds = mesh.bounds();
-        let hash = mesh.hash();
+        let (bounds, hash) = rayon::join(|| mesh.bounds(), || mesh.hash());
         let path = path.display().to_string();
         Ok(Self { path, mesh, bounds, hash, report, load_ms: start.elapsed().as_secs_f64() * 1e3 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The hash names geometry in files of other runs and machines.
+    #[test]
+    fn a_hash_is_that_of_the_numbers_little_endian() {
+        let mesh = Mesh {
+            positions: vec![DVec3::new(1.0, -2.5, 0.0), DVec3::Y, DVec3::Z * 1e-9],
+            triangles: vec![[0, 1, 2], [2, 1, 0]],
+        };
+        let mut bytes = Vec::new();
+        mesh.positions.iter().for_each(|p| p.to_array().iter().for_each(|n| bytes.extend(n.to_le_bytes())));
+        mesh.triangles.iter().flatten().for_each(|index| bytes.extend(index.to_le_bytes()));
+        assert_eq!(mesh.hash(), xxhash_rust::xxh3::xxh3_64(&bytes));
     }
 }

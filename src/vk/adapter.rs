@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::cache::CacheKey;
 use super::calibrate::Calibrator;
 use crate::error::{Error, Result};
 
@@ -112,6 +113,7 @@ pub struct Adapter {
     /// Whether compiled kernels can be asked for statistics.
     pub(super) tells_statistics: bool,
     pub(super) calibrator: Option<Calibrator>,
+    pub(super) cache_key: CacheKey,
 }
 
 /// Extensions that later methods use, by the name under which a person knows them.
@@ -199,6 +201,7 @@ impl Adapter {
             }),
             tells_statistics,
             calibrator,
+            cache_key: CacheKey::of(&base),
             extensions,
         }
     }

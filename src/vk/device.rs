@@ -1,11 +1,13 @@
 //! A logical device with one compute queue.
 
 use std::ffi::CStr;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use ash::{ext, khr, vk};
 
 use super::adapter::Adapter;
+use super::cache::PipelineCache;
 use super::calibrate::ClockReader;
 use super::failed;
 use super::instance::Instance;
@@ -25,6 +27,7 @@ pub(super) struct Shared {
     /// Submission must not happen from two threads at once.
     pub(super) queue: Mutex<vk::Queue>,
     pub(super) adapter: Adapter,
+    pub(super) pipelines: PipelineCache,
     names: Option<ext::debug_utils::Device>,
     /// `None` where the device tells no statistics of kernels.
     pub(super) statistics: Option<StatisticsReader>,
@@ -35,6 +38,11 @@ pub(super) struct Shared {
 
 impl Device {
     pub fn open(instance: &Instance, adapter: &Adapter) -> Result<Self> {
+        Self::open_with_cache(instance, adapter, None)
+    }
+
+    /// The same, and keeps compiled kernels in a folder, if there is one, from run to run.
+    pub fn open_with_cache(instance: &Instance, adapter: &Adapter, cache: Option<&Path>) -> Result<Self> {
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(adapter.queue_family)
@@ -75,9 +83,14 @@ impl Device {
         let names = instance.shared.names_objects.then(|| ext::debug_utils::Device::new(vulkan, &raw));
         let statistics = adapter.tells_statistics.then(|| StatisticsReader::new(vulkan, &raw)).flatten();
         let clock = adapter.calibrator.and_then(|calibrator| ClockReader::new(vulkan, &raw, calibrator));
+        let pipelines = match cache {
+            Some(folder) => PipelineCache::open(&raw, &adapter.cache_key, folder),
+            None => PipelineCache::none(),
+        };
         Ok(Self {
             shared: Arc::new(Shared {
                 raw,
+                pipelines,
                 memory,
                 queue: Mutex::new(queue),
                 adapter: adapter.clone(),
@@ -95,6 +108,11 @@ impl Device {
 
     pub fn instance(&self) -> &Instance {
         &self.shared.instance
+    }
+
+    /// Memory that buffers and images take, bytes.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.shared.memory.bytes()
     }
 
     /// Names of the buffers and images that are alive.
@@ -119,6 +137,7 @@ impl Drop for Shared {
         // blocks; the queue must be idle before they go.
         unsafe {
             let _ = self.raw.device_wait_idle();
+            self.pipelines.close(&self.raw);
             self.memory.release();
             self.raw.destroy_device(None);
         }

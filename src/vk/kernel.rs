@@ -192,12 +192,14 @@ impl Pipeline {
             .name(c"main")
             .specialization_info(&specialization);
         let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        let mut cache = self.device.pipelines.raw;
         if self.captures {
             info = info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
+            // What is kept is for kernels that run.
+            cache = vk::PipelineCache::null();
         }
         // SAFETY: everything pointed to lives until the call returns.
-        let made =
-            unsafe { self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let made = unsafe { self.device.raw.create_compute_pipelines(cache, &[info], None) };
         self.raw = made.map_err(|(_, result)| result)?[0];
         Ok(())
     }
@@ -246,7 +248,7 @@ impl Pipeline {
             .render_pass(pass);
         // SAFETY: everything pointed to lives until the call returns.
         let made =
-            unsafe { self.device.raw.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None) };
+            unsafe { self.device.raw.create_graphics_pipelines(self.device.pipelines.raw, &[info], None) };
         self.raw = made.map_err(|(_, result)| result)?[0];
         Ok(())
     }

@@ -90,6 +90,11 @@ impl Memory {
         self.state().alive.keys().cloned().collect()
     }
 
+    /// Bytes of all allocations that are alive.
+    pub(super) fn bytes(&self) -> u64 {
+        self.state().allocator.generate_report().total_allocated_bytes
+    }
+
     /// Gives all memory back.
     ///
     /// # Safety

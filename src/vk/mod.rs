@@ -5,6 +5,7 @@ mod adapter;
 mod barrier;
 mod batch;
 mod buffer;
+mod cache;
 mod calibrate;
 mod device;
 mod image;

@@ -117,9 +117,11 @@ pub fn every_traversal(wishes: Wishes, geometry: &Geometry, device: &Device) -> 
         Method::Threaded,
         Method::SinglePush,
         Method::Ordered,
+        Method::Entry,
         Method::Packet,
         Method::Postponed,
         Method::Wide,
+        Method::Bundle,
     ] {
         for accessor in [Accessor::StorageBuffer, Accessor::TexelBuffer] {
             let decision =

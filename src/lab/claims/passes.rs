@@ -4,7 +4,7 @@ use super::{Evidence, Lab, Verdict, listed};
 use crate::bvh::Builder;
 use crate::error::Result;
 use crate::lab::interleave::{Ratio, Variant};
-use crate::layout::Count;
+use crate::layout::{self, Count};
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Accumulated;
@@ -125,9 +125,10 @@ pub fn no_sync(lab: &Lab<'_>) -> Result<Evidence> {
     let scene = &lab.cornell;
     let geometry = lab.geometry(scene, Preset::Auto, Builder::Sah)?;
     let block = |plan, block| Plan { tuning: Tuning { block: Some(block), ..Tuning::default() }, ..plan };
-    let split = || {
+    let split = || -> Result<Plan<'_>> {
         let job = Job { samples: 0..RAYS_TO_ADD, ..lab.job(scene, lab.smaller(2)) };
-        lab.plan_job(job, scene, &geometry, &wishes(Passes::Split))
+        let plan = lab.plan_job(job, scene, &geometry, &wishes(Passes::Split))?;
+        Ok(plan.with_constant(layout::SPEC_SAMPLE_LANES, 1))
     };
     let accessor = split()?.accessor_name();
     let one = crate::kernels::find_kernel(&format!("ambient_list/threaded/one/{accessor}"))?;

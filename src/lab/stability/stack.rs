@@ -22,7 +22,7 @@ use crate::render::choices::{Method, Passes, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Accumulated;
 use crate::render::plan::{Job, Plan};
-use crate::render::raylist::{Query, RayLists};
+use crate::render::raylist::{Query, RayLists, reach_of};
 use crate::render::seeds::hash;
 use crate::render::twin::Twin;
 use crate::scene::camera::Camera;
@@ -289,7 +289,8 @@ impl Trap {
         let passes = if let What::Auto = what { None } else { Some(Passes::Single) };
         let wishes = Wishes { method: what.method(geometry), passes, ..Wishes::default() };
         let job = Job { camera: self.camera, ..lab.job(&self.scene, lab.size, samples) };
-        lab.plan(job, &self.scene, geometry, &wishes)
+        let reach = self.rays.iter().map(|rays| reach_of(rays)).fold(0.0, f64::max);
+        Ok(lab.plan(job, &self.scene, geometry, &wishes)?.with_reach(reach))
     }
 
     fn answers(&self, lab: &Lab<'_>, plan: &Plan<'_>) -> Result<Answers> {

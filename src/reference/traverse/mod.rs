@@ -1,6 +1,11 @@
 //! One method a file, as in shaders/traverse/. The loops have no limit here, so every ray is finished.
 
 pub mod brute;
+pub mod bundle;
+pub mod children;
+pub mod entry;
+pub mod grown;
+pub mod near_first;
 pub mod ordered;
 pub mod packet;
 pub mod pair;
@@ -22,8 +27,10 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> (Hit, bool) {
         Traversal::SinglePush => (single_push::closest_hit(inputs, ray, hit), false),
         Traversal::Packet => (packet::closest_hits(inputs, &[*ray], vec![hit])[0], false),
         Traversal::Postponed => (postponed::closest_hits(inputs, &[*ray], vec![hit])[0], false),
+        Traversal::Entry => (entry::closest_hit(inputs, ray, hit), false),
         Traversal::Ordered => (ordered::closest_hit(inputs, ray, hit), false),
         Traversal::Wide => (wide::closest_hit(inputs, ray, hit), false),
+        Traversal::Bundle => (bundle::closest_hits(inputs, &[*ray], vec![hit])[0], false),
     }
 }
 
@@ -36,8 +43,10 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> (bool, bool) {
         Traversal::SinglePush => (single_push::any_hit(inputs, ray), false),
         Traversal::Packet => (packet::any_hits(inputs, &[*ray])[0], false),
         Traversal::Postponed => (postponed::any_hits(inputs, &[*ray])[0], false),
+        Traversal::Entry => (entry::any_hit(inputs, ray), false),
         Traversal::Ordered => (ordered::any_hit(inputs, ray), false),
         Traversal::Wide => (wide::any_hit(inputs, ray), false),
+        Traversal::Bundle => (bundle::any_hits(inputs, &[*ray])[0], false),
     }
 }
 

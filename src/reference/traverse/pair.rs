@@ -1,12 +1,9 @@
-//! What the methods on nodes with both children's boxes share. Twin of shaders/traverse/pair.glsl.
+//! Nodes with both children's boxes as floats. Twin of shaders/traverse/pair.glsl.
 
-use std::ops::RangeInclusive;
-
-use crate::layout::{LEAF_BITS, LEAF_LIMIT, PairNode};
+use super::children::{Children, meets};
+pub use super::children::{ROOT, leaf_of};
+use crate::layout::PairNode;
 use crate::reference::slabs::{Slabs, slab_interval};
-
-/// The root's reference.
-pub const ROOT: i32 = 0;
 
 /// Where the ray enters and leaves the two boxes: left, then right.
 pub fn pair_intervals(slabs: &Slabs, node: &PairNode) -> [[f32; 2]; 2] {
@@ -17,12 +14,10 @@ pub fn pair_intervals(slabs: &Slabs, node: &PairNode) -> [[f32; 2]; 2] {
 }
 
 pub fn meets_pair(intervals: &[[f32; 2]; 2], t_max: f32) -> [bool; 2] {
-    intervals.map(|[enter, leave]| enter.max(0.0) <= leave.min(t_max))
+    intervals.map(|interval| meets(interval, t_max))
 }
 
-/// The triangles of the leaf that a negative reference names.
-pub fn leaf_of(reference: i32) -> RangeInclusive<u32> {
-    let packed_leaf = (-1 - reference) as u32;
-    let first = packed_leaf >> LEAF_BITS;
-    first..=first + (packed_leaf & (LEAF_LIMIT - 1))
+pub fn children(slabs: &Slabs, node: &PairNode) -> Children {
+    let [left, right] = pair_intervals(slabs, node);
+    [(node.left, left), (node.right, right)]
 }

@@ -47,9 +47,11 @@ fn every_method_and_order_finds_the_same_bits() {
                 Traversal::Threaded,
                 Traversal::SinglePush,
                 Traversal::Ordered,
+                Traversal::Entry,
                 Traversal::Packet,
                 Traversal::Postponed,
                 Traversal::Wide,
+                Traversal::Bundle,
             ] {
                 let inputs = scene.by(other);
                 let (found, overflowed) = closest_hit(&inputs, &ray, no_hit(ray.t_max));

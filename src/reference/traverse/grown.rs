@@ -1,0 +1,136 @@
+//! Nodes with both children's boxes, tested in fewer operations. Twin of shaders/traverse/grown.glsl.
+
+use glam::Vec3;
+
+use super::children::Children;
+use crate::layout::PairNode;
+use crate::reference::arith::{max3, min3};
+use crate::reference::ray::Ray;
+use crate::reference::slabs::at_least_smallest;
+
+/// A ray crosses side p across an axis at p inverse + base.
+#[derive(Clone, Copy, Debug)]
+pub struct GrownRay {
+    inverse: Vec3,
+    base: Vec3,
+}
+
+pub fn grown_ray_of(ray: &Ray) -> GrownRay {
+    let inverse = ray.direction.map(|d| 1.0 / at_least_smallest(d));
+    GrownRay { inverse, base: -ray.origin * inverse }
+}
+
+/// `sum`(side, inverse, base): side inverse + base, rounded once or twice.
+fn interval_by(
+    ray: &GrownRay,
+    pmin: [f32; 3],
+    pmax: [f32; 3],
+    sum: impl Fn(f32, f32, f32) -> f32,
+) -> [f32; 2] {
+    let crossings =
+        |side: [f32; 3]| Vec3::from([0, 1, 2].map(|axis| sum(side[axis], ray.inverse[axis], ray.base[axis])));
+    let (t0, t1) = (crossings(pmin), crossings(pmax));
+    let (near, far) = (min3(t0, t1), max3(t0, t1));
+    [near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z)]
+}
+
+pub fn children(ray: &GrownRay, node: &PairNode) -> Children {
+    let interval = |pmin, pmax| interval_by(ray, pmin, pmax, |side, inverse, base| side * inverse + base);
+    [
+        (node.left, interval(node.left_min, node.left_max)),
+        (node.right, interval(node.right_min, node.right_max)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::Builder;
+    use crate::pack::{box_pad, grown_pad, pair_nodes};
+    use crate::reference::intersect::padded_box_of;
+    use crate::reference::slabs::{slab_interval, slabs_of};
+    use crate::reference::testing::{KINDS, REACH, Random, aimed_ray, triangles_of};
+    use crate::reference::traverse::children::{leaf_of, meets};
+
+    /// Where a triangle's own box is met, every box around it is, and no later: with products rounded or fused, inverses off by as
+    /// much as a division may be, and wherever the ray starts.
+    #[test]
+    fn boxes_around_a_triangle_that_is_met_are_met() {
+        let mut met = 0u32;
+        for kind in KINDS {
+            let triangles = triangles_of(kind, 70, 300);
+            let tree = crate::bvh::build(Builder::Sah, &triangles, &|_| {});
+            let packed = crate::pack::triangles(&tree, &triangles);
+            let pad = box_pad(&triangles);
+            let largest = pad * 2f32.powi(21);
+            for distance in [0.0, 1.0, 30.0, 1e4] {
+                let reach = REACH + f64::from(largest * distance);
+                let nodes = pair_nodes(&tree, grown_pad(pad, largest, reach));
+                met += check_nodes(&nodes, &packed, pad, largest * distance, 80);
+            }
+        }
+        assert!(met > 10_000, "{met} boxes were met");
+    }
+
+    fn check_nodes(
+        nodes: &[PairNode],
+        triangles: &[crate::layout::Triangle],
+        pad: f32,
+        back: f32,
+        rays: u32,
+    ) -> u32 {
+        // Of each node its place above, and which child it is.
+        let mut above = vec![None; nodes.len()];
+        let mut leaves = Vec::new();
+        for (place, node) in nodes.iter().enumerate() {
+            for (side, child) in [node.left, node.right].into_iter().enumerate() {
+                match usize::try_from(child) {
+                    Ok(child) => above[child] = Some((place, side)),
+                    Err(_) => leaves.push((place, side, leaf_of(child))),
+                }
+            }
+        }
+        let mut random = Random::new(71);
+        let mut met = 0;
+        for _ in 0..rays {
+            let target = random.below(triangles.len() as u32) as usize;
+            let mut ray = aimed_ray(&mut random, &triangles[target]);
+            ray.origin -= ray.direction.normalize_or_zero() * back;
+            let slabs = slabs_of(&ray, true);
+            let exact = grown_ray_of(&ray);
+            for ulps in [-2i32, 0, 2] {
+                let inverse = exact.inverse.map(|x| f32::from_bits(x.to_bits().wrapping_add_signed(ulps)));
+                let grown_ray = GrownRay { inverse, base: -ray.origin * inverse };
+                for (place, side, leaf) in &leaves {
+                    for index in leaf.clone() {
+                        let (pmin, pmax) = padded_box_of(&triangles[index as usize], pad);
+                        let own = slab_interval(&slabs, pmin, pmax);
+                        if !meets(own, f32::INFINITY) {
+                            continue;
+                        }
+                        met += 1;
+                        let mut step = Some((*place, *side));
+                        while let Some((place, side)) = step {
+                            let node = &nodes[place];
+                            let [pmin, pmax] =
+                                [[node.left_min, node.left_max], [node.right_min, node.right_max]][side];
+                            for fused in [false, true] {
+                                let around =
+                                    interval_by(&grown_ray, pmin, pmax, |side, inverse, base| match fused {
+                                        true => side.mul_add(inverse, base),
+                                        false => side * inverse + base,
+                                    });
+                                assert!(
+                                    around[0].max(0.0) <= own[0].max(0.0) && around[1] >= own[1],
+                                    "{ray:?}: {around:?} around {own:?}"
+                                );
+                            }
+                            step = above[place];
+                        }
+                    }
+                }
+            }
+        }
+        met
+    }
+}
