@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use super::auto;
 use super::plan::{Plan, traversal_name};
 use super::stage::Uploaded;
 use super::tally::Totals;
@@ -87,6 +88,7 @@ impl Compiled {
         if let Some((_, pipeline)) = self.known.borrow().iter().find(|(known, _)| *known == key) {
             return Ok(pipeline.clone());
         }
+        auto::check_subgroup(kernel, device.adapter())?;
         let pipeline = Rc::new(Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32)?);
         self.known.borrow_mut().push((key, pipeline.clone()));
         Ok(pipeline)
