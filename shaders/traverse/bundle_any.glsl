@@ -195,8 +195,8 @@ bool any_hits_together(inout Bundle bundle) {
                 uint met = met_together(boxes, bundle);
                 reference = next_reference(met, boxes.child);
             }
-            place = leaf_first(reference);
-            last = leaf_last(reference);
+            place = first_if_leaf(reference);
+            last = last_if_leaf(reference);
             do {
                 if (place <= last) count_tests(t_max_of(bundle));
                 if (WATERTIGHT || ORIGINAL) {

@@ -76,8 +76,8 @@ bool closest_hit_together(Ray ray, bool waits, inout Hit hit) {
             reference = pop_if(keys.x == 0x7fffffff, child.x);
         }
         bool tests = waits && is_leaf(reference);
-        int last = leaf_last(reference);
-        finished = closest_of_leaf_together(ray, slabs, tests, leaf_first(reference), last, hit) && finished;
+        int last = last_if_leaf(reference);
+        finished = closest_of_leaf_together(ray, slabs, tests, first_if_leaf(reference), last, hit) && finished;
         subgroupBarrier();
         // A node that is still to be visited, since the driver left the loop early, stays.
         reference = pop_if(is_leaf(reference), reference);

@@ -1,12 +1,6 @@
 // What a subgroup does as one: it reads a node or a triangle, votes, and keeps a stack.
 
-#include "leaf.glsl"
-
-CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
-
-#define ROOT 0
-// No reference; see children.glsl.
-#define NOTHING (-0x7fffffff - 1)
+#include "references.glsl"
 
 // Always: `top` falls to -1 where the stack is empty. A loop `while (x)` tells a compiler that x is false behind it, even where the driver left
 // the loop early; `while (x && STACK_HOLDS)` tells it nothing, so that x can be asked again.
@@ -16,11 +10,9 @@ bool is_leaf(int reference) { return reference < 0 && reference != NOTHING; }
 
 // What is no leaf has no triangles: a node may stand here too, where the driver left a loop early, and its number must not be taken for
 // that of a triangle.
-int leaf_first(int reference) { return is_leaf(reference) ? (-1 - reference) >> int(LEAF_BITS) : 0; }
+int first_if_leaf(int reference) { return is_leaf(reference) ? leaf_first(reference) : 0; }
 
-int leaf_last(int reference) {
-    return is_leaf(reference) ? leaf_first(reference) + ((-1 - reference) & int(LEAF_LIMIT - 1u)) : -1;
-}
+int last_if_leaf(int reference) { return is_leaf(reference) ? leaf_last(reference) : -1; }
 
 // Four boxes as seen from a point, a component for each, and what they refer to.
 struct Boxes {

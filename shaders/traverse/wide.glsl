@@ -3,13 +3,7 @@
 // order in which their octants come along the ray. Any hit takes them as they stand.
 // Twin: src/reference/traverse/wide.rs.
 
-#include "leaf.glsl"
-
-CONSTANT(SPEC_STACK_ROOM, int, STACK_ROOM, 64);
-
-#define ROOT 0
-// No reference; see children.glsl.
-#define NOTHING (-0x7fffffff - 1)
+#include "references.glsl"
 
 uvec2 stack[STACK_ROOM];
 
@@ -79,10 +73,6 @@ uint nearest_first(uint slots, uint octant) {
     slots = (octant & 2u) != 0u ? ((slots & 0x33u) << 2) | ((slots >> 2) & 0x33u) : slots;
     return (octant & 4u) != 0u ? ((slots & 0x0fu) << 4) | (slots >> 4) : slots;
 }
-
-int leaf_first(int reference) { return (-1 - reference) >> int(LEAF_BITS); }
-
-int leaf_last(int reference) { return leaf_first(reference) + ((-1 - reference) & int(LEAF_LIMIT - 1u)); }
 
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);

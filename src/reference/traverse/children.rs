@@ -3,6 +3,10 @@
 use std::ops::RangeInclusive;
 
 use crate::layout::{LEAF_BITS, LEAF_LIMIT};
+use crate::reference::Inputs;
+use crate::reference::intersect::{any_of_triangle, box_limit};
+use crate::reference::ray::Ray;
+use crate::reference::slabs::slabs_of;
 
 /// The root's reference.
 pub const ROOT: i32 = 0;
@@ -19,4 +23,23 @@ pub fn leaf_of(reference: i32) -> RangeInclusive<u32> {
     let packed_leaf = (-1 - reference) as u32;
     let first = packed_leaf >> LEAF_BITS;
     first..=first + (packed_leaf & (LEAF_LIMIT - 1))
+}
+
+/// Any hit, the left child first. `open`: the children of the node of this reference.
+pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32) -> Children) -> bool {
+    let slabs = slabs_of(ray, inputs.choices.robust_slabs);
+    let limit = box_limit(inputs, ray.t_max);
+    let mut stack = vec![ROOT];
+    while let Some(reference) = stack.pop() {
+        if reference < 0 {
+            if leaf_of(reference).any(|index| any_of_triangle(inputs, ray, &slabs, index)) {
+                return true;
+            }
+            continue;
+        }
+        let [left, right] = open(reference);
+        let met = [right, left].into_iter().filter(|(_, interval)| meets(*interval, limit));
+        stack.extend(met.map(|(child, _)| child));
+    }
+    false
 }
