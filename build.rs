@@ -375,6 +375,7 @@ fn node_layout(row: &Row) -> Result<&'static str, Failure> {
         "pair" => "Pair",
         "wide" => "Wide",
         "quad" => "Quad",
+        "faces" => "Faces",
         other => return Err(format!("kernel {}: there is no node layout {other}", row.name).into()),
     })
 }

@@ -39,19 +39,21 @@ bool ray_overflowed;
 uint overflowed;
 
 // A CPU device computes a ray beyond the last sample too: there a branch's body runs under a mask, skipped or not, and consecutive
-// calls without one share what depends on the pixel alone.
-#ifdef ACCESSOR_TEXEL
+// calls without one share what depends on the pixel alone. So they do where several rays are made in a row.
+#if defined(ACCESSOR_TEXEL) || defined(SHARES_START)
 #define COMPUTES_ALL true
 #else
 #define COMPUTES_ALL false
 #endif
+
+bool any_left() { return sample_next < sample_end; }
 
 bool next_any(out Ray ray, out bool occluded, out uint id) {
     id = sample_next;
     ray = Ray(vec3(0.0), vec3(0.0), 0.0);
     occluded = false;
     ray_overflowed = false;
-    bool more = sample_next < sample_end;
+    bool more = any_left();
     sample_next += more ? SAMPLE_LANES : 0u;
     if (more || COMPUTES_ALL) {
         vec2 u = sample_numbers(pixel, id, budget, lcg_state);

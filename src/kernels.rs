@@ -27,6 +27,8 @@ pub enum NodeLayout {
     Wide,
     /// Four children.
     Quad,
+    /// No tree: triangles alone or in pairs ([`crate::layout::Face`]).
+    Faces,
 }
 
 /// A row of `shaders/kernels.txt`.

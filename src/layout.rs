@@ -158,6 +158,14 @@ records! {
         child6: int,
         child7: int,
     }
+    /// A triangle, or two that make a flat convex quadrilateral, by their places in the array; the edge that each shares with the
+    /// other (two bits each, the first one's below), and whether they are wound unlike. For a triangle `second` is `first`.
+    Face {
+        first: uint,
+        second: uint,
+        seams: uint,
+        turned: uint,
+    }
     /// Four children with their boxes, side by side: min_x0 to min_x3 are one word. A reference is that of a node or of a leaf, as
     /// in [`PairNode`]. An empty slot repeats the first one's reference, with a box out of reach.
     QuadNode {

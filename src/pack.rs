@@ -1,5 +1,6 @@
 //! Scene and tree as the arrays of `layout.rs`.
 
+mod faces;
 mod quad;
 mod wide;
 
@@ -7,6 +8,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
+pub use faces::faces;
 pub use quad::{quad_children, quad_nodes};
 pub use wide::{validate_wide, wide_child, wide_nodes, wide_scale, wide_sides};
 
@@ -118,7 +120,7 @@ impl Collapsed {
 /// The array of nodes of a layout, bytes; a word where the kernel reads none.
 pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f32) -> Vec<u8> {
     match layout {
-        NodeLayout::None => vec![0; 16],
+        NodeLayout::None | NodeLayout::Faces => vec![0; 16],
         NodeLayout::Single => bytemuck::cast_slice(&nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
@@ -132,7 +134,7 @@ pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f
 pub fn node_array_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed) -> u64 {
     let nodes = tree.nodes.len() as u64;
     match layout {
-        NodeLayout::None => 16,
+        NodeLayout::None | NodeLayout::Faces => 16,
         NodeLayout::Single => nodes * size_of::<Node>() as u64,
         NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,

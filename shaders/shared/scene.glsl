@@ -42,6 +42,8 @@ STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_
 Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
 #elif defined(NODES_PAIR)
 PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
+#elif defined(NODES_FACES)
+Face load_face(uint i) { LOAD_Face(NODE_WORD, i) }
 #elif defined(NODES_WIDE)
 WideNode load_wide(int i) { LOAD_WideNode(NODE_WORD, uint(i)) }
 // The reference in one of its slots.

@@ -1,5 +1,6 @@
 // Every triangle of the range, in the order of the array. Twin: src/reference/traverse/brute.rs.
 
+#ifdef USES_CLOSEST
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     uint i = range.triangle_begin;
@@ -9,7 +10,9 @@ bool closest_hit(Ray ray, inout Hit hit) {
     }
     return i >= range.triangle_end;
 }
+#endif
 
+#ifdef USES_ANY
 bool any_hit(Ray ray, inout bool occluded) {
     Slabs slabs = slabs_of(ray);
     uint i = range.triangle_begin;
@@ -19,5 +22,10 @@ bool any_hit(Ray ray, inout bool occluded) {
     }
     return occluded || i >= range.triangle_end;
 }
+#endif
 
 #include "one_ray.glsl"
+
+#ifdef SHARES_START
+#include "edges.glsl"
+#endif

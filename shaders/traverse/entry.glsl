@@ -139,8 +139,7 @@ bool any_hit(Ray ray, inout bool occluded) {
         uint count = entry_count;
         uint i = 0u;
         for (; i < count; i++) {
-            vec2 interval = grown_interval(grown_ray, entry_min[i].xyz, entry_max[i].xyz);
-            if (max(interval.x, 0.0) <= min(interval.y, t_max)) waiting |= 1u << i;
+            if (meets_grown(grown_ray, entry_min[i].xyz, entry_max[i].xyz, t_max)) waiting |= 1u << i;
         }
         finished = i == count;
         int candidate = -1;
@@ -151,11 +150,12 @@ bool any_hit(Ray ray, inout bool occluded) {
             bool descends = false;
             if (reference >= 0) {
                 COUNT_VISIT();
-                Children node = open_grown(grown_ray, reference);
-                bvec2 meets = meets_pair(node.intervals, t_max);
-                descends = meets.x || meets.y;
-                if (meets.x && meets.y) stack[top++] = node.right;
-                reference = meets.x ? node.left : node.right;
+                PairNode node = load_pair(reference);
+                bool left = meets_grown(grown_ray, node.left_min, node.left_max, t_max);
+                bool right = meets_grown(grown_ray, node.right_min, node.right_max, t_max);
+                descends = left || right;
+                if (left && right) stack[top++] = node.right;
+                reference = left ? node.left : node.right;
             } else {
                 int index = leaf_first(reference);
                 int last = leaf_last(reference);

@@ -17,16 +17,15 @@ GrownRay grown_ray_of(Ray ray) {
     return GrownRay(inverse, -ray.origin * inverse);
 }
 
-vec2 grown_interval(GrownRay ray, vec3 pmin, vec3 pmax) {
-    vec3 t0 = pmin * ray.inverse + ray.base;
-    vec3 t1 = pmax * ray.inverse + ray.base;
-    vec3 near = min(t0, t1);
-    vec3 far = max(t0, t1);
-    return vec2(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
-}
-
-Children open_grown(GrownRay ray, int reference) {
-    PairNode node = load_pair(reference);
-    return Children(node.left, node.right,
-                    vec4(grown_interval(ray, node.left_min, node.left_max), grown_interval(ray, node.right_min, node.right_max)));
+// Whether the ray meets the box from 0 to t_max. Crossings are compared as integers, of which a GPU takes the least or most of three at a
+// time: from 0 on they have the floats' order, and of what lies before 0 it counts only that it does. An exit at -0 would
+// be lost; but boxes are grown, so that a ray which leaves a triangle's own box at 0 or later leaves these above 0.
+bool meets_grown(GrownRay ray, vec3 pmin, vec3 pmax, float t_max) {
+    ivec3 t0 = floatBitsToInt(pmin * ray.inverse + ray.base);
+    ivec3 t1 = floatBitsToInt(pmax * ray.inverse + ray.base);
+    ivec3 near = min(t0, t1);
+    ivec3 far = max(t0, t1);
+    int enter = max(max(max(near.x, near.y), near.z), 0);
+    int leave = min(min(min(far.x, far.y), far.z), floatBitsToInt(t_max));
+    return enter <= leave;
 }

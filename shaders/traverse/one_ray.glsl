@@ -5,7 +5,7 @@
 // loop (Mesa's software device leaves it after 65,535 without a word), so every loop proves its end.
 
 #ifdef USES_CLOSEST
-void run_closest() {
+void run_each_closest() {
     Ray ray;
     Hit hit;
     uint id;
@@ -14,10 +14,14 @@ void run_closest() {
         retire_closest(id, hit, finished);
     }
 }
+
+#ifndef SHARES_START
+void run_closest() { run_each_closest(); }
+#endif
 #endif
 
 #ifdef USES_ANY
-void run_any() {
+void run_each_any() {
     Ray ray;
     bool occluded;
     uint id;
@@ -26,4 +30,8 @@ void run_any() {
         retire_any(id, occluded, finished);
     }
 }
+
+#ifndef SHARES_START
+void run_any() { run_each_any(); }
+#endif
 #endif

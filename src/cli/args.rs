@@ -62,6 +62,7 @@ impl ChoiceArguments {
             offset: self.offset,
             intersector: self.intersector,
             slabs: self.slabs,
+            ..Wishes::default()
         }
     }
 }

@@ -12,6 +12,7 @@ use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result, joined};
 use crate::layout::{self, FRAME_SAMPLES, Frame};
 use crate::render::auto;
+use crate::render::choices::Wishes;
 use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
@@ -234,9 +235,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let begin = Instant::now();
-    let decision = auto::decide(&arguments.choices.wishes(), &geometry, adapter);
-    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let job = job(arguments, camera)?;
+    let wishes = Wishes {
+        samples: (job.goal == Goal::Samples).then_some(job.samples.len() as u32),
+        bounded: job.max_distance.is_some(),
+        ..arguments.choices.wishes()
+    };
+    let decision = auto::decide(&wishes, &geometry, adapter);
+    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     spans.phase("plan", begin);
     let mut meter = Meter::new(plan.job.goal);

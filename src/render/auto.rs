@@ -47,6 +47,12 @@ pub struct Decision {
 /// Up to this many triangles all of them are tested: a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
+/// Up to this many triangles of which some share edges `brute` is the fastest on a GPU where a pixel has at least so many rays of any
+/// length, for all of which it finds a face's edges once.
+const EDGES_UP_TO: usize = 32;
+const EDGES_FROM_SAMPLES: u32 = 16;
+/// Triangles up to which `brute` finds them in a kernel of its own on a GPU.
+const BRUTE_SPLIT_UP_TO: usize = 1 << 16;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured on an H100 at 64 samples: 1.02 to 1.06 times
 /// the rate of `entry` with 32 triangles, 0.7 times with 5,456).
 const WIDE_UP_TO: usize = 256;
@@ -111,7 +117,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
         Preset::Auto => {
             let (method, why) = match wishes.method {
                 Some(method) => (method, asked.to_string()),
-                None => choose_method(geometry, adapter),
+                None => choose_method(wishes, geometry, adapter),
             };
             note("method", method.to_string(), &why);
             let mut choose = |what, wish: Option<&'static str>, default: &'static str, why: &str| {
@@ -129,7 +135,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "count",
                 "exact, and it adds up in any order",
             );
-            let (passes, why) = choose_passes(method, adapter);
+            let (passes, why) = choose_passes(method, geometry, adapter);
             choose("passes", wishes.passes.map(Passes::name), passes.name(), why);
             choose(
                 "offset",
@@ -174,7 +180,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     Decision { settings, accessor, sample_lanes, reasons }
 }
 
-fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
+fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     // It takes a while for millions of triangles, and on a CPU device their number decides.
@@ -197,6 +203,13 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
         (Method::Wide, format!("SAH cost {cost:.0}, above {BUNDLE_UP_TO_COST}: neighbouring rays part early"))
     } else if on_cpu {
         (Method::Bundle, "a CPU device is fastest where many rays share what a node costs".into())
+    } else if triangles <= EDGES_UP_TO && shares_edges_of_faces(wishes, geometry) {
+        (
+            Method::Brute,
+            format!(
+                "{triangles} triangles, at most {EDGES_UP_TO}: their edges are found once for all of a pixel's rays"
+            ),
+        )
     } else if triangles <= WIDE_UP_TO {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if cost > POSTPONED_FROM && votes.is_ok() {
@@ -213,6 +226,17 @@ fn choose_method(geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     }
 }
 
+/// Whether `brute` would find each face's edges for many rays at once.
+fn shares_edges_of_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
+    let intersector = wishes.intersector.unwrap_or(choose_intersector(geometry).0);
+    intersector == Intersector::Conservative
+        && wishes.slabs != Some(Slabs::Plain)
+        && matches!(wishes.passes, None | Some(Passes::Split))
+        && matches!(wishes.accumulator, None | Some(Accumulator::Count))
+        && wishes.samples.is_none_or(|samples| samples >= EDGES_FROM_SAMPLES)
+        && !wishes.bounded
+}
+
 /// All see the same triangles but for rays within some roundings of an edge.
 fn choose_intersector(geometry: &Geometry) -> (Intersector, &'static str) {
     if geometry.shares_edges {
@@ -224,10 +248,14 @@ fn choose_intersector(geometry: &Geometry) -> (Intersector, &'static str) {
 
 /// Camera rays' hits are found again with each dispatch of a single pass; a second kernel costs little where dispatches
 /// are many, as on a CPU, or where lanes do not take their next ray by themselves.
-fn choose_passes(method: Method, adapter: &Adapter) -> (Passes, &'static str) {
+fn choose_passes(method: Method, geometry: &Geometry, adapter: &Adapter) -> (Passes, &'static str) {
+    let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
+        Method::Brute if !on_cpu && geometry.triangles.len() <= BRUTE_SPLIT_UP_TO => {
+            (Passes::Split, "all of a pixel's rays share what a face costs")
+        }
         Method::Brute => (Passes::Single, "one kernel does all of a pixel"),
-        _ if adapter.kind == DeviceKind::Cpu => {
+        _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
         Method::Ordered | Method::Entry | Method::Postponed => {

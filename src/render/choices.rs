@@ -199,6 +199,10 @@ pub struct Wishes {
     pub offset: Option<Offset>,
     pub intersector: Option<Intersector>,
     pub slabs: Option<Slabs>,
+    /// Ambient rays of a camera ray, if it is known how many there will be.
+    pub samples: Option<u32>,
+    /// Ambient rays have an end.
+    pub bounded: bool,
 }
 
 #[cfg(test)]

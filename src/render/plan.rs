@@ -76,6 +76,8 @@ pub struct Plan<'a> {
     pub geometry: &'a Geometry,
     /// The triangles as the watertight intersector takes them, where it is chosen.
     pub corners: Option<&'a [Corners]>,
+    /// The corners that faces are found by, where a kernel reads faces.
+    pub face_corners: Option<&'a [Corners]>,
     pub tuning: Tuning,
 }
 
@@ -143,7 +145,10 @@ impl<'a> Plan<'a> {
             geometry,
             corners: (settings.intersector == Intersector::Watertight).then(|| geometry.corners(&scene.mesh)),
             tuning: Tuning::default(),
+            face_corners: None,
         };
+        let reads_faces = plan.node_layout() == NodeLayout::Faces;
+        let plan = Self { face_corners: reads_faces.then(|| geometry.corners(&scene.mesh)), ..plan };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
     }
@@ -248,13 +253,19 @@ impl<'a> Plan<'a> {
         self.tuning.triangles.as_deref().filter(|other| other.len() >= own.len()).unwrap_or(own)
     }
 
-    /// The tree's nodes as the kernel reads them, bytes; a word for `brute`, which reads none.
+    /// The tree's nodes as the kernel reads them, bytes; for `brute`, which reads none, the faces, or a word.
     pub fn node_bytes(&self) -> Vec<u8> {
+        if let Some(corners) = self.face_corners {
+            return bytemuck::cast_slice(&pack::faces(corners)).to_vec();
+        }
         pack::node_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed(), self.node_pad())
     }
 
-    /// Bytes of the tree's nodes.
+    /// Bytes of what [`Self::node_bytes`] gives, or more.
     pub fn node_array_bytes(&self) -> u64 {
+        if let Some(corners) = self.face_corners {
+            return (corners.len() as u64 + 1) * size_of::<layout::Face>() as u64;
+        }
         pack::node_array_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed())
     }
 

@@ -55,6 +55,8 @@ pub struct Work {
 const MOST_PART: u32 = 1 << 20;
 /// Tests of a ray up to which the fewest workgroups of a dispatch may well be in it at once.
 const SHORT_RAY: f64 = 2e5;
+/// Part of a dispatch that is not worth one of its own: a quarter.
+const SMALL_REST: u32 = 4;
 /// Ranges of one submit.
 const MOST_RANGES: usize = 256;
 
@@ -205,19 +207,24 @@ impl Scheduler {
         };
         let wanted = self.rays_per_ms * self.pace.dispatch_ms / per_pixel / f64::from(WORKGROUP_SIZE);
         let groups = (wanted as u32).max(self.least_groups()).clamp(1, self.pace.workgroups);
-        let groups = match self.work.room {
-            None => groups,
+        let most = match self.work.room {
+            None => self.pace.workgroups,
             Some(room) => {
                 let fit = room / (u64::from(samples.end - samples.start) * u64::from(WORKGROUP_SIZE));
-                groups.min(u32::try_from(fit).unwrap_or(u32::MAX)).max(1)
+                self.pace.workgroups.min(u32::try_from(fit).unwrap_or(u32::MAX)).max(1)
             }
         };
+        let groups = groups.min(most);
         // A running mean that stalls must not hear of one part of the directions first: each frame is a set of its own.
         let set = match self.work.blocks {
             Blocks::Free => self.work.sample_begin..self.work.sample_end,
             Blocks::Frames(_) => samples.clone(),
         };
         let begin = self.next_pixel;
+        // A small rest goes with the last dispatch: by itself it would take as long as its slowest workgroup does.
+        let rest = (self.work.pixel_end - begin).div_ceil(WORKGROUP_SIZE);
+        let groups =
+            if rest > groups && rest - groups <= groups / SMALL_REST { rest.min(most) } else { groups };
         let end = begin.saturating_add(groups.saturating_mul(WORKGROUP_SIZE)).min(self.work.pixel_end);
         let whole = Range {
             pixel_begin: begin,
