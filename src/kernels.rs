@@ -42,6 +42,8 @@ pub struct Kernel {
     pub nodes: NodeLayout,
     /// Classes of subgroup operations that it uses: basic, vote, arithmetic, ballot, shuffle, quad.
     pub subgroup: &'static [&'static str],
+    /// Optional features that it uses, by the names of [`crate::vk::Adapter::features`].
+    pub needs: &'static [&'static str],
 }
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));

@@ -227,6 +227,11 @@ records! {
         pixels: uint,
         /// Largest coordinate of the scene.
         largest: float,
+        /// Where nodes and triangles lie, for kernels that read them by address.
+        nodes_low: uint,
+        nodes_high: uint,
+        triangles_low: uint,
+        triangles_high: uint,
     }
     /// The work of one dispatch (push constants): pixels x samples x triangles.
     Range {

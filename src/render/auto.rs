@@ -1,6 +1,7 @@
 //! Which choices a preset makes, and why. The device chooses only what keeps the counts (method,
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
+pub use super::choices::Accessor;
 use super::choices::{
     Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
 };
@@ -9,23 +10,6 @@ use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::vk::{Adapter, DeviceKind};
-
-/// How kernels read geometry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Accessor {
-    StorageBuffer,
-    TexelBuffer,
-}
-
-impl Accessor {
-    /// As in the names of kernels.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StorageBuffer => "ssbo",
-            Self::TexelBuffer => "texel",
-        }
-    }
-}
 
 /// A choice with its reason, for `plan`.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -159,7 +143,10 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             }
         }
     };
-    let (accessor, why) = choose_accessor(&settings, geometry, adapter);
+    let (accessor, why) = match wishes.accessor {
+        Some(accessor) => (accessor, asked),
+        None => choose_accessor(&settings, geometry, adapter),
+    };
     note("accessor", accessor.name().into(), why);
     let why = match (settings.method, wishes.builder) {
         (Method::Brute, _) => "brute reads no tree, so the one that is built fastest",
@@ -277,6 +264,13 @@ pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
             adapter.name
         )));
     }
+    let lacks = |need: &&&'static str| !adapter.features.contains(&(**need, true));
+    if let Some(lack) = kernel.needs.iter().find(lacks) {
+        return Err(Error::device(format!(
+            "{} has no {lack}, which the kernel {} needs: leave --accessor out, or choose another --device.",
+            adapter.name, kernel.name
+        )));
+    }
     check_operations(kernel, &adapter.name, adapter.subgroup.size, &adapter.subgroup.operations())
 }
 
@@ -339,7 +333,12 @@ mod tests {
                 kernel.name,
                 kernel.subgroup
             );
-            assert_eq!(kernel.glsl.is_empty(), votes || counts, "{}", kernel.name);
+            assert_eq!(
+                kernel.glsl.is_empty(),
+                votes || counts || !kernel.needs.is_empty(),
+                "{}",
+                kernel.name
+            );
         }
     }
 }

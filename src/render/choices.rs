@@ -66,6 +66,21 @@ choices! {
         /// Woop, Benthin and Wald 2013: no ray passes between neighbours.
         Watertight = "watertight",
     }
+    /// How kernels read geometry.
+    Accessor {
+        /// From storage buffers.
+        StorageBuffer = "ssbo",
+        /// The same, said to be written by nothing else.
+        Restrict = "restrict",
+        /// From texel buffers.
+        TexelBuffer = "texel",
+        /// Words by their number, from a buffer's address.
+        Address = "address",
+        /// Words from their record's address, 32-bit bytes from the buffer's.
+        Address32 = "address32",
+        /// The same with 64 bits.
+        Address64 = "address64",
+    }
     /// The test of a ray against a box.
     Slabs {
         Plain = "plain",
@@ -199,6 +214,14 @@ pub struct Wishes {
     pub offset: Option<Offset>,
     pub intersector: Option<Intersector>,
     pub slabs: Option<Slabs>,
+    pub accessor: Option<Accessor>,
+}
+
+impl Accessor {
+    /// Whether kernels are told addresses.
+    pub fn is_address(self) -> bool {
+        matches!(self, Self::Address | Self::Address32 | Self::Address64)
+    }
 }
 
 #[cfg(test)]

@@ -73,6 +73,7 @@ pub struct Plan<'a> {
     /// Specialization constants: (id, value).
     pub constants: Vec<(u32, u32)>,
     pub texels: bool,
+    pub accessor: Accessor,
     pub geometry: &'a Geometry,
     /// The triangles as the watertight intersector takes them, where it is chosen.
     pub corners: Option<&'a [Corners]>,
@@ -137,6 +138,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
             ],
             texels: decision.accessor == Accessor::TexelBuffer,
+            accessor: decision.accessor,
             job,
             settings,
             tiles,
@@ -236,7 +238,7 @@ impl<'a> Plan<'a> {
 
     /// The accessor's name in `kernels.txt`.
     pub fn accessor_name(&self) -> &'static str {
-        if self.texels { Accessor::TexelBuffer.name() } else { Accessor::StorageBuffer.name() }
+        self.accessor.name()
     }
 
     /// The triangles as the kernel reads them.
@@ -528,6 +530,7 @@ pub fn frame_of(
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
         largest: geometry.largest(),
+        ..Frame::default()
     };
     if settings.intersector == Intersector::Watertight {
         frame.box_pad = pack::watertight_pad(frame.largest, reach_of(&frame));

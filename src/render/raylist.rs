@@ -111,13 +111,7 @@ impl<'a> RayLists<'a> {
 
     /// With arrays that are there already; they must be the plan's.
     pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
-        Ok(Self {
-            uploaded,
-            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
-            compiled: Rc::default(),
-            device,
-            plan,
-        })
+        Ok(Self { frame: uploaded.frame(device, plan)?, uploaded, compiled: Rc::default(), device, plan })
     }
 
     /// With kernels that may be there already.

@@ -87,7 +87,7 @@ impl<'a> Retraced<'a> {
         let slots = u64::from(COUNTER_SLOTS) * size_of::<Counters>() as u64;
         Ok(Self {
             pipeline: Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32)?,
-            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            frame: uploaded.frame(device, plan)?,
             counters: Buffer::new(device, "counters", BufferUse::Storage, slots)?,
             hits: set.pieces.iter().map(hits).collect::<Result<_>>()?,
             device,

@@ -20,6 +20,8 @@ pub enum BufferUse {
     Indirect,
     /// Read by kernels through a view of 16-byte texels.
     Texels,
+    /// Read and written by kernels, also by its address.
+    Addressed,
     /// A small block of constants that the host writes.
     Uniform,
     /// Written by the host, copied to the device.
@@ -34,6 +36,7 @@ pub struct Buffer {
     pub(super) view: Option<vk::BufferView>,
     pub(super) bytes: u64,
     pub(super) usage: BufferUse,
+    address: Option<u64>,
     name: String,
     allocation: Option<Allocation>,
     device: Arc<Shared>,
@@ -44,6 +47,12 @@ impl Buffer {
     pub fn new(device: &Device, name: &str, usage: BufferUse, bytes: u64) -> Result<Self> {
         let shared = device.shared.clone();
         let bytes = bytes.max(16);
+        if usage == BufferUse::Addressed && !shared.adapter.tells_addresses {
+            return Err(Error::device(format!(
+                "{} has no buffer addresses: leave --accessor out, or choose another --device.",
+                shared.adapter.name
+            )));
+        }
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (flags, location) = match usage {
             BufferUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly),
@@ -53,6 +62,10 @@ impl Buffer {
             }
             BufferUse::Texels => {
                 let both = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
+                (both | transfer, MemoryLocation::GpuOnly)
+            }
+            BufferUse::Addressed => {
+                let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
                 (both | transfer, MemoryLocation::GpuOnly)
             }
             BufferUse::Uniform => (vk::BufferUsageFlags::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
@@ -68,6 +81,7 @@ impl Buffer {
             view: None,
             bytes,
             usage,
+            address: None,
             name: name.to_string(),
             allocation: None,
             device: shared.clone(),
@@ -92,7 +106,17 @@ impl Buffer {
                 .map_err(|result| failed(&format!("Viewing the buffer {name} as texels"), result))?;
             buffer.view = Some(view);
         }
+        if usage == BufferUse::Addressed {
+            let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
+            // SAFETY: the device has the feature, and the buffer has memory and was made for it.
+            buffer.address = Some(unsafe { shared.raw.get_buffer_device_address(&info) });
+        }
         Ok(buffer)
+    }
+
+    /// Where kernels find it, if it was made for that.
+    pub fn address(&self) -> Option<u64> {
+        self.address
     }
 
     pub fn name(&self) -> &str {
