@@ -206,7 +206,7 @@ fn compile(
 /// Empty where the kernel needs what OpenGL 4.3 does not have.
 fn opengl_text(compiler: &shaderc::Compiler, row: &Row, spirv: &[u32]) -> Result<String, Failure> {
     let module = load(row, spirv)?;
-    if !subgroup_operations(&module).is_empty() || !needs(&module).is_empty() {
+    if !subgroup_operations(&module).is_empty() || reads_by_address(&module) {
         return Ok(String::new());
     }
     let seen = RefCell::new(Vec::new());
@@ -295,7 +295,7 @@ fn glsl_layout() -> String {
         glsl += "};\n";
         let words = record.size / 16;
         let loads: String =
-            (0..words).map(|word| format!("uvec4 w{word} = WORD(i, {words}u, {word}u); ")).collect();
+            (0..words).map(|word| format!("uvec4 w{word} = WORD((i) * {words}u + {word}u); ")).collect();
         let fields: Vec<String> = record.fields.iter().map(glsl_field).collect();
         glsl +=
             &format!("#define LOAD_{0}(WORD, i) {loads}return {0}({1});\n", record.name, fields.join(", "));
@@ -324,7 +324,7 @@ fn glsl_record_copies() -> String {
         glsl += &format!(
             "STORAGE_BLOCK(BINDING_HITS) writeonly buffer {name}Copies {{ {name} copies_{kind}[]; }};\n"
         );
-        glsl += &format!("{name} read_{kind}(uint i) {{ LOAD_{name}(NODE_RECORD, i) }}\n");
+        glsl += &format!("{name} read_{kind}(uint i) {{ LOAD_{name}(NODE_WORD, i) }}\n");
         cases += &format!("    if (kind == {kind}u) copies_{kind}[i] = read_{kind}(i);\n");
     }
     glsl + "void copy_record(uint kind, uint i) {\n" + &cases + "}\n"
@@ -357,13 +357,13 @@ fn table_entry(row: &Row, file: &Path, glsl: &Path, spirv: &[u32]) -> Result<Str
         bindings.iter().map(|(binding, kind)| format!("({binding}, DescriptorKind::{kind}), ")).collect();
     Ok(format!(
         "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), glsl: include_str!({:?}), bindings: &[{list}], \
-         nodes: NodeLayout::{}, subgroup: &{:?}, needs: &{:?} }},",
+         nodes: NodeLayout::{}, subgroup: &{:?}, by_address: {} }},",
         row.name,
         file.display().to_string(),
         glsl.display().to_string(),
         node_layout(row)?,
         subgroup_operations(&module),
-        needs(&module),
+        reads_by_address(&module),
     ))
 }
 
@@ -398,14 +398,10 @@ fn subgroup_operations(module: &Module) -> Vec<&'static str> {
     module.capabilities.iter().filter_map(name).collect()
 }
 
-/// Optional features that a kernel uses, by the host's names for them.
-fn needs(module: &Module) -> Vec<&'static str> {
-    let name = |instruction: &Instruction| match instruction.operands.first() {
-        Some(Operand::Capability(Capability::PhysicalStorageBufferAddresses)) => Some("buffer addresses"),
-        Some(Operand::Capability(Capability::Int64)) => Some("64-bit integers"),
-        _ => None,
-    };
-    module.capabilities.iter().filter_map(name).collect()
+/// Whether a kernel reads buffers by their device addresses.
+fn reads_by_address(module: &Module) -> bool {
+    let capability = Operand::Capability(Capability::PhysicalStorageBufferAddresses);
+    module.capabilities.iter().any(|instruction| instruction.operands.first() == Some(&capability))
 }
 
 /// Names, decorations and types of a module, by id.

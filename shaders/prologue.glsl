@@ -5,12 +5,9 @@
 #extension GL_KHR_shader_subgroup_ballot : enable
 #extension GL_KHR_shader_subgroup_arithmetic : enable
 #extension GL_KHR_shader_subgroup_shuffle : enable
-#if defined(ACCESSOR_ADDRESS) || defined(ACCESSOR_ADDRESS32) || defined(ACCESSOR_ADDRESS64)
+#ifdef ACCESSOR_ADDRESS
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
-#ifndef ACCESSOR_ADDRESS
-#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
-#endif
 #endif
 #define UNIFORM_BLOCK(n) layout(set = 0, binding = n, std140) uniform
 #define STORAGE_BLOCK(n) layout(set = 0, binding = n, std430)

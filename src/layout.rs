@@ -227,7 +227,7 @@ records! {
         pixels: uint,
         /// Largest coordinate of the scene.
         largest: float,
-        /// Where nodes and triangles lie, for kernels that read them by address.
+        /// Device addresses of nodes and triangles, each in two halves; 0 where the device has none.
         nodes_low: uint,
         nodes_high: uint,
         triangles_low: uint,

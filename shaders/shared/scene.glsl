@@ -32,51 +32,27 @@ TEXELS(BINDING_TRIANGLES) utextureBuffer triangle_texels;
 #define NODE_WORD(i) texelFetch(node_texels, int(i))
 #define TRIANGLE_WORD(i) texelFetch(triangle_texels, int(i))
 #elif defined(ACCESSOR_ADDRESS)
-// Words by their number, from the array's address.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly restrict buffer Words { uvec4 words[]; };
 #define NODE_WORD(i) Words(uvec2(frame.nodes_low, frame.nodes_high)).words[i]
 #define TRIANGLE_WORD(i) Words(uvec2(frame.triangles_low, frame.triangles_high)).words[i]
-#elif defined(ACCESSOR_ADDRESS32) || defined(ACCESSOR_ADDRESS64)
-// Words from the address of their record, which lies a number of bytes from the array's: one of 32 bits, or of 64.
-layout(buffer_reference, std430, buffer_reference_align = 16) readonly restrict buffer Words { uvec4 words[]; };
-#ifdef ACCESSOR_ADDRESS32
-#define BYTES_TO(i, words) uint64_t((i) * (16u * words))
 #else
-#define BYTES_TO(i, words) (uint64_t(i) * uint64_t(16u * words))
-#endif
-#define WORDS_AT(low, high, i, words) Words(packUint2x32(uvec2(low, high)) + BYTES_TO(i, words))
-#define NODE_RECORD(i, count, word) WORDS_AT(frame.nodes_low, frame.nodes_high, i, count).words[word]
-#define TRIANGLE_RECORD(i, count, word) WORDS_AT(frame.triangles_low, frame.triangles_high, i, count).words[word]
-#define NODE_WORD(i) NODE_RECORD(i, 1u, 0u)
-#define TRIANGLE_WORD(i) TRIANGLE_RECORD(i, 1u, 0u)
-#else
-#ifdef ACCESSOR_RESTRICT
-#define GEOMETRY_BLOCK(n) STORAGE_BLOCK(n) readonly restrict buffer
-#else
-#define GEOMETRY_BLOCK(n) STORAGE_BLOCK(n) readonly buffer
-#endif
-GEOMETRY_BLOCK(BINDING_NODES) NodeBlock { uvec4 node_words[]; };
-GEOMETRY_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[]; };
+STORAGE_BLOCK(BINDING_NODES) readonly buffer NodeBlock { uvec4 node_words[]; };
+STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_words[]; };
 #define NODE_WORD(i) node_words[i]
 #define TRIANGLE_WORD(i) triangle_words[i]
 #endif
-// Word `word` of record i, each of so many words.
-#ifndef NODE_RECORD
-#define NODE_RECORD(i, count, word) NODE_WORD((i) * count + word)
-#define TRIANGLE_RECORD(i, count, word) TRIANGLE_WORD((i) * count + word)
-#endif
 
 #ifdef NODES_SINGLE
-Node load_node(int i) { LOAD_Node(NODE_RECORD, uint(i)) }
+Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
 #elif defined(NODES_PAIR)
-PairNode load_pair(int i) { LOAD_PairNode(NODE_RECORD, uint(i)) }
+PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
 #elif defined(NODES_WIDE)
-WideNode load_wide(int i) { LOAD_WideNode(NODE_RECORD, uint(i)) }
+WideNode load_wide(int i) { LOAD_WideNode(NODE_WORD, uint(i)) }
 // The reference in one of its slots.
-int load_wide_child(int i, uint slot) { return int(NODE_RECORD(uint(i), WIDE_WORDS, WIDE_CHILD_WORD + slot / 4u)[slot % 4u]); }
+int load_wide_child(int i, uint slot) { return int(NODE_WORD(uint(i) * WIDE_WORDS + WIDE_CHILD_WORD + slot / 4u)[slot % 4u]); }
 #endif
-Corners load_corners(int i) { LOAD_Corners(TRIANGLE_RECORD, uint(i)) }
-Triangle load_edges(int i) { LOAD_Triangle(TRIANGLE_RECORD, uint(i)) }
+Corners load_corners(int i) { LOAD_Corners(TRIANGLE_WORD, uint(i)) }
+Triangle load_edges(int i) { LOAD_Triangle(TRIANGLE_WORD, uint(i)) }
 Triangle edges_of(Corners corners) {
     precise vec3 ab = corners.b - corners.a;
     precise vec3 ac = corners.c - corners.a;

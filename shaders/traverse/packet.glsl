@@ -30,7 +30,7 @@ bool pop(out int reference) {
 // A CPU device fetches for each lane apart: each of four lanes fetches a word, and registers are exchanged.
 PairNode load_pair_together(int i) {
     uvec4 word = NODE_WORD(uint(i) * 4u + (gl_SubgroupInvocationID & 3u));
-#define WORD_OF_LANE(i, words, lane) subgroupShuffle(word, lane)
+#define WORD_OF_LANE(lane) subgroupShuffle(word, lane)
     LOAD_PairNode(WORD_OF_LANE, 0u)
 }
 #else

@@ -5,9 +5,9 @@
 #include "leaf.glsl"
 
 #ifdef NODES_THREADED48
-ThreadedNode48 load_threaded48(int i) { LOAD_ThreadedNode48(NODE_RECORD, uint(i)) }
+ThreadedNode48 load_threaded48(int i) { LOAD_ThreadedNode48(NODE_WORD, uint(i)) }
 #else
-ThreadedNode load_threaded(int i) { LOAD_ThreadedNode(NODE_RECORD, uint(i)) }
+ThreadedNode load_threaded(int i) { LOAD_ThreadedNode(NODE_WORD, uint(i)) }
 #endif
 
 struct Stop {

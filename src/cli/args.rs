@@ -45,7 +45,7 @@ pub struct ChoiceArguments {
     /// The test of a ray against a box
     #[arg(long, value_enum)]
     pub slabs: Option<Slabs>,
-    /// How kernels read geometry; all but ssbo and texel for experiments, with the accumulator count and some methods
+    /// How kernels read geometry; with address, those that cannot read so take ssbo
     #[arg(long, value_enum)]
     pub accessor: Option<Accessor>,
     /// Let an undersized stack drop what does not fit, and count the rays that it touches

@@ -15,7 +15,7 @@ use crate::lab::bench::rows::{Failure, Lists, Row, Spec};
 use crate::lab::bench::schedule::Effort;
 use crate::lab::bench::table1::{self, TableRow, table1};
 use crate::lab::bench::{Bench, Options, RayKind, Subject, View, Watch};
-use crate::render::choices::{Accessor, Method, Passes};
+use crate::render::choices::{Method, Passes};
 use crate::render::geometry::Geometry;
 use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::bench as shown;
@@ -56,9 +56,6 @@ pub struct Arguments {
     /// Ways of cutting a frame into kernels, separated by commas [default: single, and each with one method]
     #[arg(long, value_delimiter = ',', value_name = "PASSES")]
     pub(super) passes: Option<Vec<Passes>>,
-    /// Ways to read geometry, separated by commas [default: what render chooses]
-    #[arg(long, value_delimiter = ',', value_name = "ACCESSORS")]
-    pub(super) accessors: Option<Vec<Accessor>>,
     /// Views, separated by semicolons: default, original (orbit 0,180) or an orbit RX,RY in degrees [default: default; for
     /// the original's choices the report's]
     #[arg(long, value_delimiter = ';', value_name = "VIEWS", allow_hyphen_values = true)]
@@ -183,7 +180,6 @@ fn options(arguments: &Arguments) -> Result<Options> {
             methods: arguments.methods.clone(),
             builders: arguments.builders.clone(),
             passes: arguments.passes.clone(),
-            accessors: arguments.accessors.clone(),
         },
         views: arguments.views.clone(),
         rays: match arguments.rays.to_str() {

@@ -70,16 +70,10 @@ choices! {
     Accessor {
         /// From storage buffers.
         StorageBuffer = "ssbo",
-        /// The same, said to be written by nothing else.
-        Restrict = "restrict",
         /// From texel buffers.
         TexelBuffer = "texel",
-        /// Words by their number, from a buffer's address.
+        /// From storage buffers by their device addresses.
         Address = "address",
-        /// Words from their record's address, 32-bit bytes from the buffer's.
-        Address32 = "address32",
-        /// The same with 64 bits.
-        Address64 = "address64",
     }
     /// The test of a ray against a box.
     Slabs {
@@ -215,13 +209,6 @@ pub struct Wishes {
     pub intersector: Option<Intersector>,
     pub slabs: Option<Slabs>,
     pub accessor: Option<Accessor>,
-}
-
-impl Accessor {
-    /// Whether kernels are told addresses.
-    pub fn is_address(self) -> bool {
-        matches!(self, Self::Address | Self::Address32 | Self::Address64)
-    }
 }
 
 #[cfg(test)]

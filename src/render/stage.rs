@@ -5,7 +5,7 @@ use std::thread;
 
 use rayon::prelude::*;
 
-use super::auto::{self, Accessor};
+use super::auto;
 use super::choices::Passes;
 use super::execute::{image_format, pixels_of};
 use super::geometry::Geometry;
@@ -44,7 +44,7 @@ impl Uploaded {
     }
 }
 
-/// The frame as kernels take it: with the addresses of the arrays, where they have any.
+/// The frame as kernels take it: with the device addresses of the arrays, where they have any.
 fn frame_buffer(device: &Device, frame: Frame, nodes: &Buffer, triangles: &Buffer) -> Result<Buffer> {
     let halves = |buffer: &Buffer| {
         let address = buffer.address().unwrap_or(0);
@@ -57,11 +57,7 @@ fn frame_buffer(device: &Device, frame: Frame, nodes: &Buffer, triangles: &Buffe
 }
 
 fn usage_of(plan: &Plan<'_>) -> BufferUse {
-    match plan.accessor {
-        Accessor::TexelBuffer => BufferUse::Texels,
-        accessor if accessor.is_address() => BufferUse::Addressed,
-        _ => BufferUse::Storage,
-    }
+    if plan.texels() { BufferUse::Texels } else { BufferUse::Addressed }
 }
 
 /// Arrays that were uploaded, found again by plans that read the same ones: geometry, layout of nodes, growth of
@@ -75,7 +71,7 @@ pub struct Uploads {
 #[derive(Clone, Copy, PartialEq)]
 struct Key {
     geometry: *const Geometry,
-    usage: BufferUse,
+    texels: bool,
     corners: bool,
     layout: NodeLayout,
     pad: u32,
@@ -86,7 +82,7 @@ impl Uploads {
     pub fn of(&mut self, device: &Device, plan: &Plan<'_>) -> Result<Uploaded> {
         let key = Key {
             geometry: plan.geometry,
-            usage: usage_of(plan),
+            texels: plan.texels(),
             corners: plan.corners.is_some(),
             layout: plan.node_layout(),
             pad: plan.node_pad().to_bits(),
@@ -95,7 +91,7 @@ impl Uploads {
             return Ok(uploaded.clone());
         }
         let same = |known: &Key| {
-            known.geometry == key.geometry && known.usage == key.usage && known.corners == key.corners
+            known.geometry == key.geometry && known.texels == key.texels && known.corners == key.corners
         };
         let uploaded = match self.known.iter().find(|(known, _)| same(known)) {
             Some((_, there)) => Uploaded {

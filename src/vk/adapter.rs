@@ -112,9 +112,8 @@ pub struct Adapter {
     pub(super) extensions: Vec<String>,
     /// Whether compiled kernels can be asked for statistics.
     pub(super) tells_statistics: bool,
-    /// Whether buffers have addresses.
-    pub(super) tells_addresses: bool,
-    pub(super) counts_in_64_bits: bool,
+    /// Whether buffers have device addresses.
+    pub(super) has_addresses: bool,
     pub(super) calibrator: Option<Calibrator>,
     pub(super) cache_key: CacheKey,
 }
@@ -164,10 +163,8 @@ impl Adapter {
             OPTIONAL_EXTENSIONS.iter().map(|(label, name)| (*label, offered(name))).collect();
         features.push(("pipeline statistics", tells_statistics));
         features.push(("calibrated timestamps", calibrator.is_some()));
-        let (tells_addresses, counts_in_64_bits) =
-            if has_12 { addressing(instance, raw) } else { (false, false) };
-        features.push(("buffer addresses", tells_addresses));
-        features.push(("64-bit integers", counts_in_64_bits));
+        let has_addresses = has_12 && has_addresses(instance, raw);
+        features.push(("buffer device address", has_addresses));
         let family = compute_family(&families);
         let kind = kind_of(base.device_type);
         let driver_id = vulkan12.driver_id;
@@ -207,8 +204,7 @@ impl Adapter {
                 families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)
             }),
             tells_statistics,
-            tells_addresses,
-            counts_in_64_bits,
+            has_addresses,
             calibrator,
             cache_key: CacheKey::of(&base),
             extensions,
@@ -261,14 +257,13 @@ fn tells_statistics(instance: &ash::Instance, raw: vk::PhysicalDevice) -> bool {
     executables.pipeline_executable_info == vk::TRUE
 }
 
-/// Whether a device of Vulkan 1.2 has addresses of buffers, and integers of 64 bits.
-fn addressing(instance: &ash::Instance, raw: vk::PhysicalDevice) -> (bool, bool) {
+/// Whether the buffers of a device of Vulkan 1.2 have device addresses.
+fn has_addresses(instance: &ash::Instance, raw: vk::PhysicalDevice) -> bool {
     let mut addresses = vk::PhysicalDeviceBufferDeviceAddressFeatures::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut addresses);
     // SAFETY: `raw` comes from this instance, and Vulkan 1.2 has the struct.
     unsafe { instance.get_physical_device_features2(raw, &mut features) };
-    let wide = features.features.shader_int64 == vk::TRUE;
-    (addresses.buffer_device_address == vk::TRUE, wide)
+    addresses.buffer_device_address == vk::TRUE
 }
 
 fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {

@@ -20,7 +20,7 @@ pub enum BufferUse {
     Indirect,
     /// Read by kernels through a view of 16-byte texels.
     Texels,
-    /// Read and written by kernels, also by its address.
+    /// Read and written by kernels, also by its device address where the device has them.
     Addressed,
     /// A small block of constants that the host writes.
     Uniform,
@@ -47,25 +47,22 @@ impl Buffer {
     pub fn new(device: &Device, name: &str, usage: BufferUse, bytes: u64) -> Result<Self> {
         let shared = device.shared.clone();
         let bytes = bytes.max(16);
-        if usage == BufferUse::Addressed && !shared.adapter.tells_addresses {
-            return Err(Error::device(format!(
-                "{} has no buffer addresses: leave --accessor out, or choose another --device.",
-                shared.adapter.name
-            )));
-        }
+        let has_address = usage == BufferUse::Addressed && shared.adapter.has_addresses;
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (flags, location) = match usage {
-            BufferUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly),
+            BufferUse::Addressed if has_address => {
+                let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+                (both | transfer, MemoryLocation::GpuOnly)
+            }
+            BufferUse::Storage | BufferUse::Addressed => {
+                (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly)
+            }
             BufferUse::Indirect => {
                 let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER;
                 (both | transfer, MemoryLocation::GpuOnly)
             }
             BufferUse::Texels => {
                 let both = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
-                (both | transfer, MemoryLocation::GpuOnly)
-            }
-            BufferUse::Addressed => {
-                let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
                 (both | transfer, MemoryLocation::GpuOnly)
             }
             BufferUse::Uniform => (vk::BufferUsageFlags::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
@@ -106,7 +103,7 @@ impl Buffer {
                 .map_err(|result| failed(&format!("Viewing the buffer {name} as texels"), result))?;
             buffer.view = Some(view);
         }
-        if usage == BufferUse::Addressed {
+        if has_address {
             let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
             // SAFETY: the device has the feature, and the buffer has memory and was made for it.
             buffer.address = Some(unsafe { shared.raw.get_buffer_device_address(&info) });
@@ -114,7 +111,7 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// Where kernels find it, if it was made for that.
+    /// Its device address, if it was made to have one.
     pub fn address(&self) -> Option<u64> {
         self.address
     }

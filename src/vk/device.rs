@@ -68,16 +68,14 @@ impl Device {
         }
         let mut addresses =
             vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
-        if adapter.tells_addresses {
+        if adapter.has_addresses {
             info = info.push_next(&mut addresses);
         }
-        let features = vk::PhysicalDeviceFeatures::default().shader_int64(adapter.counts_in_64_bits);
-        info = info.enabled_features(&features);
         let vulkan = &instance.shared.raw;
         // SAFETY: the adapter comes from this instance; `info` lives until the call returns.
         let raw = unsafe { vulkan.create_device(adapter.raw, &info, None) }
             .map_err(|result| failed(&format!("Opening the device {}", adapter.name), result))?;
-        let memory = match Memory::new(vulkan, &raw, adapter.raw, adapter.tells_addresses) {
+        let memory = match Memory::new(vulkan, &raw, adapter.raw, adapter.has_addresses) {
             Ok(memory) => memory,
             Err(error) => {
                 // SAFETY: nothing was made from the device.

@@ -6,7 +6,7 @@ use crate::bvh::Builder;
 use crate::bvh::quality::Quality;
 use crate::error::Error;
 use crate::render::auto;
-use crate::render::choices::{Accessor, Method, Passes, Preset, Wishes};
+use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::work::RayWork;
 
 /// The choices of a row.
@@ -16,8 +16,6 @@ pub struct Spec {
     pub method: Method,
     pub builder: Builder,
     pub passes: Passes,
-    /// The device's, if there is none.
-    pub accessor: Option<Accessor>,
 }
 
 /// Methods, builders and passes that were asked for.
@@ -26,7 +24,6 @@ pub struct Lists {
     pub methods: Option<Vec<Method>>,
     pub builders: Option<Vec<Builder>>,
     pub passes: Option<Vec<Passes>>,
-    pub accessors: Option<Vec<Accessor>>,
 }
 
 /// The methods of the report, ours last.
@@ -36,7 +33,7 @@ impl Spec {
     /// `builder`: the preset's, if there is none. `brute` reads no tree, so every builder is the same to it.
     pub fn new(preset: Preset, method: Method, builder: Option<Builder>, passes: Passes) -> Self {
         let wishes = Wishes { preset: Some(preset), method: Some(method), builder, ..Wishes::default() };
-        Self { preset, method, builder: auto::choose_builder(&wishes), passes, accessor: None }
+        Self { preset, method, builder: auto::choose_builder(&wishes), passes }
     }
 
     pub fn wishes(&self) -> Wishes {
@@ -45,7 +42,6 @@ impl Spec {
             method: Some(self.method),
             builder: Some(self.builder),
             passes: Some(self.passes),
-            accessor: self.accessor,
             ..Wishes::default()
         }
     }
@@ -101,13 +97,7 @@ pub fn specs(lists: &Lists) -> Vec<Spec> {
         add(Method::Ordered, None, Passes::Split);
         add(Method::Ordered, None, Passes::Staged);
     }
-    match &lists.accessors {
-        Some(accessors) => specs
-            .iter()
-            .flat_map(|spec| accessors.iter().map(|&accessor| Spec { accessor: Some(accessor), ..*spec }))
-            .collect(),
-        None => specs,
-    }
+    specs
 }
 
 /// The rows with the original's own choices, of the methods that are measured at all.
@@ -222,7 +212,6 @@ mod tests {
             methods: Some(vec![Method::Brute, Method::Threaded]),
             builders: Some(vec![Builder::Midpoint, Builder::Sah]),
             passes: Some(vec![Passes::Single, Passes::Split]),
-            ..Lists::default()
         };
         assert_eq!(specs(&lists).len(), 6);
         assert_eq!(original_specs(&lists).len(), 2);
