@@ -61,7 +61,7 @@ fn usage_of(plan: &Plan<'_>) -> BufferUse {
 }
 
 /// Arrays that were uploaded, found again by plans that read the same ones: geometry, layout of nodes, growth of
-/// boxes and accessor are theirs.
+/// boxes and whether they are texel buffers are theirs.
 #[derive(Default)]
 pub struct Uploads {
     known: Vec<(Key, Uploaded)>,
