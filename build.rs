@@ -205,7 +205,8 @@ fn compile(
 /// `SPECIALIZED(id)`.
 /// Empty where the kernel needs what OpenGL 4.3 does not have.
 fn opengl_text(compiler: &shaderc::Compiler, row: &Row, spirv: &[u32]) -> Result<String, Failure> {
-    if !subgroup_operations(&load(row, spirv)?).is_empty() {
+    let module = load(row, spirv)?;
+    if !subgroup_operations(&module).is_empty() || reads_by_address(&module) {
         return Ok(String::new());
     }
     let seen = RefCell::new(Vec::new());
@@ -356,12 +357,13 @@ fn table_entry(row: &Row, file: &Path, glsl: &Path, spirv: &[u32]) -> Result<Str
         bindings.iter().map(|(binding, kind)| format!("({binding}, DescriptorKind::{kind}), ")).collect();
     Ok(format!(
         "    Kernel {{ name: {:?}, spirv: include_bytes!({:?}), glsl: include_str!({:?}), bindings: &[{list}], \
-         nodes: NodeLayout::{}, subgroup: &{:?} }},",
+         nodes: NodeLayout::{}, subgroup: &{:?}, by_address: {} }},",
         row.name,
         file.display().to_string(),
         glsl.display().to_string(),
         node_layout(row)?,
         subgroup_operations(&module),
+        reads_by_address(&module),
     ))
 }
 
@@ -395,6 +397,12 @@ fn subgroup_operations(module: &Module) -> Vec<&'static str> {
         _ => None,
     };
     module.capabilities.iter().filter_map(name).collect()
+}
+
+/// Whether a kernel reads buffers by their device addresses.
+fn reads_by_address(module: &Module) -> bool {
+    let capability = Operand::Capability(Capability::PhysicalStorageBufferAddresses);
+    module.capabilities.iter().any(|instruction| instruction.operands.first() == Some(&capability))
 }
 
 /// Names, decorations and types of a module, by id.

@@ -5,6 +5,10 @@
 #extension GL_KHR_shader_subgroup_ballot : enable
 #extension GL_KHR_shader_subgroup_arithmetic : enable
 #extension GL_KHR_shader_subgroup_shuffle : enable
+#ifdef ACCESSOR_ADDRESS
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#endif
 #define UNIFORM_BLOCK(n) layout(set = 0, binding = n, std140) uniform
 #define STORAGE_BLOCK(n) layout(set = 0, binding = n, std430)
 #define TEXELS(n) layout(set = 0, binding = n) uniform

@@ -44,6 +44,8 @@ pub struct Kernel {
     pub nodes: NodeLayout,
     /// Classes of subgroup operations that it uses: basic, vote, arithmetic, ballot, shuffle, quad.
     pub subgroup: &'static [&'static str],
+    /// Whether it reads geometry by the buffers' device addresses.
+    pub by_address: bool,
 }
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
@@ -52,7 +54,7 @@ include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 pub fn find_kernel(name: &str) -> Result<&'static Kernel> {
     KERNELS.iter().find(|kernel| kernel.name == name).ok_or_else(|| {
         Error::usage(format!(
-            "There is no kernel for {name}: choose another combination of method and accumulator."
+            "There is no kernel for {name}: choose another combination of method, accumulator and accessor."
         ))
     })
 }

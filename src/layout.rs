@@ -235,6 +235,11 @@ records! {
         pixels: uint,
         /// Largest coordinate of the scene.
         largest: float,
+        /// Device addresses of nodes and triangles, each in two halves; 0 where the device has none.
+        nodes_low: uint,
+        nodes_high: uint,
+        triangles_low: uint,
+        triangles_high: uint,
     }
     /// The work of one dispatch (push constants): pixels x samples x triangles.
     Range {

@@ -6,18 +6,19 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use common::{INTERSECTORS, job, plan_decided, run, scene_named, with_device};
 use cousu::bvh::Builder;
-use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Accumulator, Intersector, Method, Passes, Sampler, Wishes};
+use cousu::kernels::NodeLayout;
+use cousu::render::auto::{self, Decision};
+use cousu::render::choices::{Accessor, Accumulator, Intersector, Method, Passes, Preset, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::raylist::{Query, RayLists};
 use cousu::scene::Scene;
-use cousu::vk::Device;
+use cousu::vk::{Device, DeviceKind};
 
 const SIZE: (u32, u32) = (40, 25);
 const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
 const PASSES: [Passes; 3] = [Passes::Single, Passes::Split, Passes::Staged];
-const ACCESSORS: [Accessor; 2] = [Accessor::StorageBuffer, Accessor::TexelBuffer];
+const ACCESSORS: [Accessor; 3] = [Accessor::StorageBuffer, Accessor::TexelBuffer, Accessor::Address];
 // Each accumulator and each sampler; `lcg` and the strata, whose numbers depend on more than pixel and sample, several times.
 const SUMS: [(Accumulator, Sampler); 8] = [
     (Accumulator::Count, Sampler::Pcg),
@@ -195,6 +196,70 @@ fn all_pairs_of_choices_count_the_same_rays() {
         for (name, triangles) in common::SCENES {
             counts_agree(device, &scene_named(name, triangles));
         }
+    });
+}
+
+/// Each kernel that reads by device address, against the one that reads storage buffers.
+#[test]
+fn kernels_by_address_count_the_same_rays() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
+        for method in [Method::Ordered, Method::Entry, Method::Postponed, Method::Wide] {
+            for passes in [Passes::Single, Passes::Split] {
+                let [by_buffer, by_address] = [Accessor::StorageBuffer, Accessor::Address].map(|accessor| {
+                    let wishes = Wishes {
+                        method: Some(method),
+                        passes: Some(passes),
+                        accessor: Some(accessor),
+                        ..Wishes::default()
+                    };
+                    let plan = common::plan(device, &scene, &geometry, job(&scene, (72, 45), 0..16), wishes);
+                    let traversing = plan.kernels.iter().filter(|kernel| kernel.nodes != NodeLayout::None);
+                    let by_address: Vec<bool> = traversing.map(|kernel| kernel.by_address).collect();
+                    let expected = if passes == Passes::Single { 1 } else { 2 };
+                    assert_eq!(
+                        by_address,
+                        vec![accessor == Accessor::Address; expected],
+                        "{method} {passes}"
+                    );
+                    run(device, &plan)
+                });
+                assert!(by_buffer.accumulated == by_address.accumulated, "{method} {passes}");
+                assert_eq!(by_buffer.ambient_rays, by_address.ambient_rays, "{method} {passes}");
+                assert_eq!((by_address.overflowed_rays, by_address.repeats), (0, 0), "{method} {passes}");
+            }
+        }
+    });
+}
+
+/// The same device as if it were a GPU, with and without the feature.
+#[test]
+fn a_gpu_reads_by_address_where_it_has_the_kernels() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
+        let mut gpu = device.adapter().clone();
+        gpu.kind = DeviceKind::Discrete;
+        let mut older = gpu.clone();
+        older.features.retain(|(name, _)| *name != "buffer device address");
+        let auto = Wishes::default();
+        let original = Wishes { preset: Some(Preset::Original), ..auto };
+        let staged = Wishes { passes: Some(Passes::Staged), ..auto };
+        let asked = Wishes { method: Some(Method::Threaded), accessor: Some(Accessor::Address), ..auto };
+        for (adapter, wishes, accessor) in [
+            (&gpu, auto, Accessor::Address),
+            (&older, auto, Accessor::StorageBuffer),
+            (&gpu, original, Accessor::StorageBuffer),
+            (&gpu, staged, Accessor::StorageBuffer),
+            (&gpu, asked, Accessor::StorageBuffer),
+        ] {
+            let decision = auto::decide(&wishes, &geometry, adapter);
+            assert_eq!(decision.accessor, accessor, "{:?}", decision.reasons);
+            let told = decision.reasons.iter().find(|reason| reason.what == "accessor").expect("a reason");
+            assert_eq!(told.choice, accessor.name());
+        }
+        assert_ne!(auto::decide(&auto, &geometry, device.adapter()).accessor, Accessor::Address);
     });
 }
 

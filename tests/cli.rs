@@ -316,6 +316,21 @@ fn the_commands_that_tell() {
     let plan = succeeds(&["plan", MAISON]);
     assert!((plan.contains("bundle") || plan.contains("wide")) && plan.contains("robust"), "{plan}");
     fails(&["plan", MAISON, "--method", "stack8"], 2, "stack8 can overflow");
+    let by_address = ["plan", MAISON, "--accessor", "address", "--method"];
+    assert!(succeeds(&[&by_address[..], &["entry"]].concat()).contains("address"));
+    let threaded = succeeds(&[&by_address[..], &["threaded"]].concat());
+    assert!(threaded.contains("no kernel of these choices reads by device address"), "{threaded}");
+    fails(&["plan", MAISON, "--accessor", "restrict"], 2, "address");
+}
+
+#[test]
+fn a_record_names_the_accessors_of_its_kernels() {
+    let render = ["render", CORNELL, "--size", "8x8", "--spp", "4", "--method", "entry", "--passes"];
+    let by_address = |passes| {
+        succeeds(&[&render[..], &[passes, "--accessor", "address", "--validate", "--json", "-"]].concat())
+    };
+    assert!(by_address("split").contains("\"ambient_list/entry/address\""));
+    assert!(by_address("staged").contains("\"trace/entry/ssbo\""));
 }
 
 #[test]

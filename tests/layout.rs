@@ -20,8 +20,11 @@ fn random_words(count: usize) -> Vec<u32> {
 #[test]
 fn records_are_unpacked_bit_for_bit() {
     common::with_device(|device| {
-        let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&Frame::default())).unwrap();
-        for (kernel, usage) in [("records/ssbo", BufferUse::Storage), ("records/texel", BufferUse::Texels)] {
+        for (kernel, usage) in [
+            ("records/ssbo", BufferUse::Storage),
+            ("records/address", BufferUse::Addressed),
+            ("records/texel", BufferUse::Texels),
+        ] {
             let pipeline =
                 Pipeline::new(device, find_kernel(kernel).unwrap(), &[], size_of::<Range>() as u32).unwrap();
             for (kind, record) in RECORDS.iter().enumerate() {
@@ -29,6 +32,10 @@ fn records_are_unpacked_bit_for_bit() {
                 let words = random_words(count as usize * record.size / 4);
                 let content: &[u8] = bytemuck::cast_slice(&words);
                 let from = Buffer::with_content(device, "records", usage, content).unwrap();
+                let address = from.address().unwrap_or(0);
+                let [nodes_low, nodes_high] = [address as u32, (address >> 32) as u32];
+                let frame = Frame { nodes_low, nodes_high, ..Frame::default() };
+                let frame = Buffer::uniform(device, "frame", bytemuck::bytes_of(&frame)).unwrap();
                 let to = Buffer::new(device, "copies", BufferUse::Storage, content.len() as u64).unwrap();
                 let source = match usage {
                     BufferUse::Texels => Binding::Texels(&from),

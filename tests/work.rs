@@ -4,8 +4,8 @@ mod common;
 
 use common::{every_traversal, geometry, job, plan, plan_decided, run, scene_named, with_device};
 use cousu::layout::Work;
-use cousu::render::auto::{Accessor, Decision};
-use cousu::render::choices::{Accumulator, Method, Passes, Preset, Wishes};
+use cousu::render::auto::Decision;
+use cousu::render::choices::{Accessor, Accumulator, Method, Passes, Preset, Wishes};
 use cousu::render::work::{RayWork, WorkCount, count_work};
 
 /// The counts of every method that reads by this accessor.

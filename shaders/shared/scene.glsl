@@ -31,6 +31,10 @@ TEXELS(BINDING_NODES) utextureBuffer node_texels;
 TEXELS(BINDING_TRIANGLES) utextureBuffer triangle_texels;
 #define NODE_WORD(i) texelFetch(node_texels, int(i))
 #define TRIANGLE_WORD(i) texelFetch(triangle_texels, int(i))
+#elif defined(ACCESSOR_ADDRESS)
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly restrict buffer Words { uvec4 words[]; };
+#define NODE_WORD(i) Words(uvec2(frame.nodes_low, frame.nodes_high)).words[i]
+#define TRIANGLE_WORD(i) Words(uvec2(frame.triangles_low, frame.triangles_high)).words[i]
 #else
 STORAGE_BLOCK(BINDING_NODES) readonly buffer NodeBlock { uvec4 node_words[]; };
 STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_words[]; };

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::render::choices::{
-    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes,
+    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes,
 };
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, DEFAULT_FOV};
@@ -45,6 +45,9 @@ pub struct ChoiceArguments {
     /// The test of a ray against a box
     #[arg(long, value_enum)]
     pub slabs: Option<Slabs>,
+    /// How kernels read geometry; with address, those that cannot read so take ssbo
+    #[arg(long, value_enum)]
+    pub accessor: Option<Accessor>,
     /// Let an undersized stack drop what does not fit, and count the rays that it touches
     #[arg(long)]
     pub allow_overflow: bool,
@@ -62,6 +65,7 @@ impl ChoiceArguments {
             offset: self.offset,
             intersector: self.intersector,
             slabs: self.slabs,
+            accessor: self.accessor,
             ..Wishes::default()
         }
     }

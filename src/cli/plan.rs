@@ -9,6 +9,7 @@ use super::args::ChoiceArguments;
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
 use crate::render::auto;
+use crate::render::plan::kernels_of;
 use crate::scene::Scene;
 
 #[derive(Args)]
@@ -50,5 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         geometry.build_ms,
         table.trim_fmt()
     ))?;
-    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)
+    auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
+    let kernels = kernels_of(&decision.settings, decision.accessor)?;
+    kernels.iter().try_for_each(|kernel| auto::check_subgroup(kernel, &adapter))
 }

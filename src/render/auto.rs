@@ -2,30 +2,15 @@
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
 use super::choices::{
-    Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
+    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+    Wishes,
 };
 use super::geometry::Geometry;
+use super::plan::{accessor_of, kernels_of};
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::vk::{Adapter, DeviceKind};
-
-/// How kernels read geometry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Accessor {
-    StorageBuffer,
-    TexelBuffer,
-}
-
-impl Accessor {
-    /// As in the names of kernels.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StorageBuffer => "ssbo",
-            Self::TexelBuffer => "texel",
-        }
-    }
-}
 
 /// A choice with its reason, for `plan`.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -165,7 +150,12 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
             }
         }
     };
-    let (accessor, why) = choose_accessor(&settings, geometry, adapter);
+    let (wanted, why) = match wishes.accessor {
+        Some(accessor) => (accessor, asked),
+        None => choose_accessor(&settings, geometry, adapter),
+    };
+    let accessor = kernels_of(&settings, wanted).map_or(wanted, |kernels| accessor_of(&kernels, wanted));
+    let why = if accessor == wanted { why } else { "no kernel of these choices reads by device address" };
     note("accessor", accessor.name().into(), why);
     let why = match (settings.method, wishes.builder) {
         (Method::Brute, _) => "brute reads no tree, so the one that is built fastest",
@@ -265,15 +255,20 @@ fn choose_passes(method: Method, geometry: &Geometry, adapter: &Adapter) -> (Pas
     }
 }
 
+/// The feature of a device whose kernels may read by address.
+const ADDRESSES: (&str, bool) = ("buffer device address", true);
+
 /// Mesa's software device reads texel buffers three times faster than storage buffers: the fetch is
-/// inlined, a storage buffer's load under control flow is a loop over lanes. The original had storage
-/// buffers.
+/// inlined, a storage buffer's load under control flow is a loop over lanes. An H100 has 1.03 to 1.08 times the rate
+/// of storage buffers if it reads them by their device addresses. The original had storage buffers.
 fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) -> (Accessor, &'static str) {
     let words = geometry.tree.nodes.len().max(geometry.triangles.len() * 3 / 2) as u64 * 2;
     if settings.preset.is_original() {
         (Accessor::StorageBuffer, "as the original")
+    } else if adapter.kind != DeviceKind::Cpu && adapter.features.contains(&ADDRESSES) {
+        (Accessor::Address, "a GPU reads fastest by device addresses")
     } else if adapter.kind != DeviceKind::Cpu {
-        (Accessor::StorageBuffer, "a GPU reads storage buffers at full speed")
+        (Accessor::StorageBuffer, "a GPU without device addresses reads storage buffers")
     } else if words > adapter.limits.texel_elements {
         (Accessor::StorageBuffer, "the scene has more words than a texel buffer")
     } else {
@@ -296,7 +291,7 @@ pub fn check_stack(method: Method, geometry: &Geometry, allow_overflow: bool) ->
     }
 }
 
-/// Refuses a kernel whose subgroup operations the device does not have.
+/// Refuses a kernel whose subgroup operations or device addresses the device does not have.
 pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
     // Its votes went wrong on an H100 (docs/measurements.md).
     if kernel.nodes == NodeLayout::Quad && adapter.kind != DeviceKind::Cpu {
@@ -305,7 +300,18 @@ pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
             adapter.name
         )));
     }
+    check_addresses(kernel, &adapter.name, adapter.features.contains(&ADDRESSES))?;
     check_operations(kernel, &adapter.name, adapter.subgroup.size, &adapter.subgroup.operations())
+}
+
+fn check_addresses(kernel: &Kernel, device: &str, has_addresses: bool) -> Result<()> {
+    if !kernel.by_address || has_addresses {
+        return Ok(());
+    }
+    Err(Error::device(format!(
+        "{device} has no device addresses of buffers, which the kernel {} needs: choose --accessor ssbo.",
+        kernel.name
+    )))
 }
 
 /// Lanes that `packet` shares a node's words among, where they are texels.
@@ -353,6 +359,19 @@ mod tests {
         check_operations(ordered, "A", 0, &[]).unwrap();
     }
 
+    #[test]
+    fn a_device_without_addresses_is_refused_by_name() {
+        let entry = find_kernel("ambient_list/entry/address").unwrap();
+        check_addresses(entry, "A", true).unwrap();
+        let refusal = check_addresses(entry, "A", false).unwrap_err();
+        assert_eq!(
+            refusal.to_string(),
+            "A has no device addresses of buffers, which the kernel ambient_list/entry/address needs: choose --accessor ssbo."
+        );
+        assert_eq!(refusal.exit_code(), 4);
+        check_addresses(find_kernel("ambient_list/entry/ssbo").unwrap(), "A", false).unwrap();
+    }
+
     /// Only the methods that vote, and the kernels that count, need more than a lone invocation.
     #[test]
     fn timed_kernels_have_no_subgroup_operations_but_their_method_s() {
@@ -367,7 +386,7 @@ mod tests {
                 kernel.name,
                 kernel.subgroup
             );
-            assert_eq!(kernel.glsl.is_empty(), votes || counts, "{}", kernel.name);
+            assert_eq!(kernel.glsl.is_empty(), votes || counts || kernel.by_address, "{}", kernel.name);
         }
     }
 }

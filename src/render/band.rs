@@ -228,7 +228,7 @@ impl<'a> Band<'a> {
 
     fn bindings<'b>(&'b self, slot: &'b Slot) -> Vec<(u32, Binding<'b>)> {
         let geometry =
-            |buffer| if self.stage.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
+            |buffer| if self.stage.plan.texels() { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
         let mut bindings = vec![
             (layout::BINDING_FRAME, Binding::Buffer(&self.stage.frame)),
             (layout::BINDING_NODES, geometry(&self.stage.nodes)),

@@ -66,6 +66,15 @@ choices! {
         /// Woop, Benthin and Wald 2013: no ray passes between neighbours.
         Watertight = "watertight",
     }
+    /// How kernels read geometry.
+    Accessor {
+        /// From storage buffers.
+        StorageBuffer = "ssbo",
+        /// From texel buffers.
+        TexelBuffer = "texel",
+        /// From storage buffers by their device addresses.
+        Address = "address",
+    }
     /// The test of a ray against a box.
     Slabs {
         Plain = "plain",
@@ -203,6 +212,7 @@ pub struct Wishes {
     pub samples: Option<u32>,
     /// Ambient rays have an end.
     pub bounded: bool,
+    pub accessor: Option<Accessor>,
 }
 
 #[cfg(test)]

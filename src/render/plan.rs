@@ -4,9 +4,9 @@ use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::layout::{self, Corners, Frame};
 use crate::pack;
-use crate::render::auto::{Accessor, Decision};
+use crate::render::auto::Decision;
 use crate::render::choices::{
-    Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
 };
 use crate::render::geometry::Geometry;
 use crate::render::rounds::Goal;
@@ -72,7 +72,8 @@ pub struct Plan<'a> {
     pub kernels: Vec<&'static Kernel>,
     /// Specialization constants: (id, value).
     pub constants: Vec<(u32, u32)>,
-    pub texels: bool,
+    /// How those kernels read geometry that can (see [`kernel_by`]).
+    pub accessor: Accessor,
     pub geometry: &'a Geometry,
     /// The triangles as the watertight intersector takes them, where it is chosen.
     pub corners: Option<&'a [Corners]>,
@@ -120,6 +121,7 @@ impl<'a> Plan<'a> {
             reach: reach_of(&frame),
             any_reach: surface_reach(&frame),
             frame,
+            accessor: accessor_of(&kernels, decision.accessor),
             kernels,
             constants: vec![
                 (layout::SPEC_STACK_SIZE, stack_entries),
@@ -138,7 +140,6 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
             ],
-            texels: decision.accessor == Accessor::TexelBuffer,
             job,
             settings,
             tiles,
@@ -239,9 +240,14 @@ impl<'a> Plan<'a> {
         self.settings.method == Method::Brute
     }
 
+    /// Whether nodes and triangles are texel buffers.
+    pub fn texels(&self) -> bool {
+        self.accessor == Accessor::TexelBuffer
+    }
+
     /// The accessor's name in `kernels.txt`.
     pub fn accessor_name(&self) -> &'static str {
-        if self.texels { Accessor::TexelBuffer.name() } else { Accessor::StorageBuffer.name() }
+        self.accessor.name()
     }
 
     /// The triangles as the kernel reads them.
@@ -304,7 +310,7 @@ impl<'a> Plan<'a> {
     fn check_buffers(&self, scene: &Scene, limits: &Limits) -> Result<()> {
         let node_bytes = self.node_array_bytes();
         let triangle_bytes = self.triangle_bytes().len() as u64;
-        let limit = if self.texels { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
+        let limit = if self.texels() { limits.texel_elements * 16 } else { limits.storage_buffer_bytes };
         let largest = node_bytes.max(triangle_bytes);
         if largest > limit {
             return Err(Error::input(format!(
@@ -449,27 +455,46 @@ pub fn traversal_name(settings: &Settings) -> &'static str {
     if of_original { "threaded48" } else { settings.method.family() }
 }
 
+/// The row of `kernels.txt` with this name and accessor. Rows by address are there only where they pay (each costs
+/// time to build): without one, the kernel is that of storage buffers. Both may read the same buffers, so that the
+/// kernels of one plan may differ in it.
+pub fn kernel_by(name: &str, accessor: Accessor) -> Result<&'static Kernel> {
+    let row = |accessor: Accessor| find_kernel(&format!("{name}/{accessor}"));
+    match accessor {
+        Accessor::Address => row(accessor).or_else(|_| row(Accessor::StorageBuffer)),
+        Accessor::StorageBuffer | Accessor::TexelBuffer => row(accessor),
+    }
+}
+
+/// The accessor that `kernels` have, which [`kernel_by`] found for this one: storage buffers if none reads by address.
+pub fn accessor_of(kernels: &[&Kernel], accessor: Accessor) -> Accessor {
+    match accessor {
+        Accessor::Address if !kernels.iter().any(|kernel| kernel.by_address) => Accessor::StorageBuffer,
+        _ => accessor,
+    }
+}
+
 /// The rows of `kernels.txt` for these choices, in the order of the steps that `passes.rs` records.
-fn kernels_of(settings: &Settings, accessor: Accessor) -> Result<Vec<&'static Kernel>> {
-    let (traversal, sum, accessor) = (traversal_name(settings), settings.accumulator, accessor.name());
-    let names = match settings.passes {
-        Passes::Single => vec![format!("ambient/{traversal}/{sum}/{accessor}")],
+pub fn kernels_of(settings: &Settings, accessor: Accessor) -> Result<Vec<&'static Kernel>> {
+    let (traversal, sum) = (traversal_name(settings), settings.accumulator);
+    let reading = |name: String| kernel_by(&name, accessor);
+    Ok(match settings.passes {
+        Passes::Single => vec![reading(format!("ambient/{traversal}/{sum}"))?],
         Passes::Split => vec![
-            format!("primary/{traversal}/{accessor}"),
-            format!("list/{sum}"),
-            format!("ambient_list/{traversal}/{accessor}"),
-            format!("resolve/{sum}"),
+            reading(format!("primary/{traversal}"))?,
+            find_kernel(&format!("list/{sum}"))?,
+            reading(format!("ambient_list/{traversal}"))?,
+            find_kernel(&format!("resolve/{sum}"))?,
         ],
         Passes::Staged => vec![
-            "rays/camera".into(),
-            format!("trace/{traversal}/{accessor}"),
-            format!("list/{sum}"),
-            format!("rays/listed/{accessor}"),
-            format!("trace/{traversal}/{accessor}"),
-            format!("resolve/answers/{sum}"),
+            find_kernel("rays/camera")?,
+            reading(format!("trace/{traversal}"))?,
+            find_kernel(&format!("list/{sum}"))?,
+            reading("rays/listed".into())?,
+            reading(format!("trace/{traversal}"))?,
+            find_kernel(&format!("resolve/answers/{sum}"))?,
         ],
-    };
-    names.iter().map(|name| find_kernel(name)).collect()
+    })
 }
 
 fn frame(job: &Job, settings: &Settings, scene: &Scene, geometry: &Geometry) -> Frame {
@@ -539,9 +564,32 @@ pub fn frame_of(
         jitters: job.jitters,
         pixels: job.tiles().padded_pixels() as u32,
         largest: geometry.largest(),
+        // The stage fills in addresses.
+        ..Frame::default()
     };
     if settings.intersector == Intersector::Watertight {
         frame.box_pad = pack::watertight_pad(frame.largest, reach_of(&frame));
     }
     frame
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_without_a_row_by_address_read_storage_buffers() {
+        let named = |name| kernel_by(name, Accessor::Address).map(|kernel| kernel.name);
+        assert_eq!(named("ambient_list/entry").unwrap(), "ambient_list/entry/address");
+        assert_eq!(named("ambient/wide/count").unwrap(), "ambient/wide/count/address");
+        for stem in ["ambient/wide/rgba8", "trace/entry", "primary/threaded", "work/brute", "rays/listed"] {
+            assert_eq!(named(stem).unwrap(), format!("{stem}/ssbo"));
+        }
+        assert!(named("primary/none").is_err());
+        assert!(kernel_by("ambient/threaded48/count", Accessor::TexelBuffer).is_err(), "no other for texels");
+        let found = ["trace/entry", "primary/entry"].map(|name| kernel_by(name, Accessor::Address).unwrap());
+        assert_eq!(accessor_of(&found, Accessor::Address), Accessor::Address);
+        assert_eq!(accessor_of(&found[..1], Accessor::Address), Accessor::StorageBuffer);
+        assert_eq!(accessor_of(&found[..1], Accessor::TexelBuffer), Accessor::TexelBuffer);
+    }
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::auto;
-use super::plan::{Plan, traversal_name};
+use super::plan::{Plan, kernel_by, traversal_name};
 use super::stage::Uploaded;
 use super::tally::Totals;
 use crate::error::{Error, Result};
@@ -38,8 +38,8 @@ impl Query {
 }
 
 /// The kernel that answers lists of rays with a plan's method.
-pub(super) fn trace_kernel(plan: &Plan<'_>) -> String {
-    format!("trace/{}/{}", traversal_name(&plan.settings), plan.accessor_name())
+pub(super) fn trace_kernel(plan: &Plan<'_>) -> Result<&'static Kernel> {
+    kernel_by(&format!("trace/{}", traversal_name(&plan.settings)), plan.accessor)
 }
 
 /// The largest coordinate of an origin, for [`Plan::with_reach`]; places without a ray do not count.
@@ -111,13 +111,7 @@ impl<'a> RayLists<'a> {
 
     /// With arrays that are there already; they must be the plan's.
     pub fn with_uploaded(device: &'a Device, plan: &'a Plan<'a>, uploaded: Uploaded) -> Result<Self> {
-        Ok(Self {
-            uploaded,
-            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
-            compiled: Rc::default(),
-            device,
-            plan,
-        })
+        Ok(Self { frame: uploaded.frame(device, plan)?, uploaded, compiled: Rc::default(), device, plan })
     }
 
     /// With kernels that may be there already.
@@ -133,7 +127,7 @@ impl<'a> RayLists<'a> {
     /// The same, and how many of the rays lost a part of the tree to a full stack.
     pub fn trace_counting(&self, query: Query, rays: &[RayRecord]) -> Result<(Vec<HitRecord>, u64)> {
         self.plan.check_reach(reach_of(rays), query == Query::Any)?;
-        let kernel = trace_kernel(self.plan);
+        let kernel = trace_kernel(self.plan)?;
         let mut hits = Vec::with_capacity(rays.len());
         let mut overflowed = 0;
         for piece in rays.chunks(MOST_RAYS) {
@@ -142,10 +136,10 @@ impl<'a> RayLists<'a> {
             let bytes = size_of_val(piece) / size_of::<RayRecord>() * size_of::<HitRecord>();
             let found = Buffer::new(self.device, "hits", BufferUse::Storage, bytes as u64)?;
             let range = range_of(self.plan, piece.len() as u32, 0, query.stage());
-            let totals = self.dispatch(&kernel, &rays, &found, range)?;
+            let totals = self.dispatch(kernel, &rays, &found, range)?;
             let finished = totals.primary_finished + totals.ambient_finished;
             let asked = piece.iter().filter(|ray| ray.t_max >= 0.0).count() as u64;
-            check_finished(&kernel, asked, finished)?;
+            check_finished(kernel.name, asked, finished)?;
             hits.extend(bytemuck::pod_collect_to_vec::<u8, HitRecord>(&found.read(self.device)?));
             overflowed += totals.overflowed;
         }
@@ -187,18 +181,23 @@ impl<'a> RayLists<'a> {
     fn made_rays(&self, kernel: &str, hits: &Buffer, range: Range) -> Result<Vec<RayRecord>> {
         let bytes = u64::from(range.pixel_end - range.pixel_begin) * size_of::<RayRecord>() as u64;
         let rays = Buffer::new(self.device, "rays", BufferUse::Storage, bytes)?;
-        self.dispatch(kernel, &rays, hits, range)?;
+        self.dispatch(find_kernel(kernel)?, &rays, hits, range)?;
         Ok(bytemuck::pod_collect_to_vec(&rays.read(self.device)?))
     }
 
-    fn dispatch(&self, kernel: &str, rays: &Buffer, hits: &Buffer, range: Range) -> Result<Totals> {
-        let kernel = find_kernel(kernel)?;
+    fn dispatch(
+        &self,
+        kernel: &'static Kernel,
+        rays: &Buffer,
+        hits: &Buffer,
+        range: Range,
+    ) -> Result<Totals> {
         let pipeline = self.compiled.of(self.device, kernel, self.plan)?;
         let bytes = (layout::COUNTER_SLOTS as usize * size_of::<Counters>()) as u64;
         let counters = Buffer::new(self.device, "counters", BufferUse::Storage, bytes)?;
         let geometry = |binding, buffer| {
             // The kernels that make rays read geometry from storage buffers on every device.
-            let texels = self.plan.texels && kernel.name.starts_with("trace/");
+            let texels = self.plan.texels() && kernel.name.starts_with("trace/");
             (binding, if texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) })
         };
         let bound = pipeline.bind(&[

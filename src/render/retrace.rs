@@ -3,13 +3,13 @@
 use std::time::Instant;
 
 use super::auto;
-use super::plan::Plan;
+use super::plan::{Plan, accessor_of};
 use super::raylist::{MOST_RAYS, Query, check_finished, range_of, reach_of, trace_kernel};
 use super::repeat::FrameCost;
 use super::stage::Uploaded;
 use super::tally::{KernelTime, Totals};
 use crate::error::Result;
-use crate::kernels::{Kernel, find_kernel};
+use crate::kernels::Kernel;
 use crate::layout::{
     self, BINDING_COUNTERS, BINDING_FRAME, BINDING_HITS, BINDING_NODES, BINDING_RAYS, BINDING_TRIANGLES,
     COUNTER_SLOTS, Counters, HitRecord, Range, RayRecord,
@@ -78,7 +78,7 @@ impl<'a> Retraced<'a> {
         query: Query,
     ) -> Result<Self> {
         plan.check_reach(set.reach, query == Query::Any)?;
-        let kernel = find_kernel(&trace_kernel(plan))?;
+        let kernel = trace_kernel(plan)?;
         auto::check_subgroup(kernel, device.adapter())?;
         let hits = |piece: &Piece| {
             let bytes = u64::from(piece.count) * size_of::<HitRecord>() as u64;
@@ -87,7 +87,7 @@ impl<'a> Retraced<'a> {
         let slots = u64::from(COUNTER_SLOTS) * size_of::<Counters>() as u64;
         Ok(Self {
             pipeline: Pipeline::new(device, kernel, &plan.constants, size_of::<Range>() as u32)?,
-            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
+            frame: uploaded.frame(device, plan)?,
             counters: Buffer::new(device, "counters", BufferUse::Storage, slots)?,
             hits: set.pieces.iter().map(hits).collect::<Result<_>>()?,
             device,
@@ -123,6 +123,11 @@ impl<'a> Retraced<'a> {
         Ok(all)
     }
 
+    /// The name of the accessor by which the rays' kernel reads.
+    pub fn accessor_name(&self) -> &'static str {
+        accessor_of(&[self.kernel], self.plan.accessor).name()
+    }
+
     /// What the driver's compiler tells of the kernel, compiled for this alone.
     pub fn statistics(&self) -> Result<Option<PipelineStatistics>> {
         if !self.device.adapter().features.contains(&("pipeline statistics", true)) {
@@ -134,7 +139,7 @@ impl<'a> Retraced<'a> {
 
     fn dispatch(&self, piece: &Piece, hits: &Buffer) -> Result<(Totals, f64)> {
         let geometry =
-            |buffer| if self.plan.texels { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
+            |buffer| if self.plan.texels() { Binding::Texels(buffer) } else { Binding::Buffer(buffer) };
         let bound = self.pipeline.bind(&[
             (BINDING_FRAME, Binding::Buffer(&self.frame)),
             (BINDING_NODES, geometry(&self.uploaded.nodes)),

@@ -34,17 +34,34 @@ impl Uploaded {
         Ok(Self { nodes: Self::upload_nodes(device, plan, &nodes)?, triangles: Rc::new(triangles) })
     }
 
+    /// The plan's frame, for kernels that read these arrays.
+    pub fn frame(&self, device: &Device, plan: &Plan<'_>) -> Result<Buffer> {
+        frame_buffer(device, plan.frame, &self.nodes, &self.triangles)
+    }
+
     fn upload_nodes(device: &Device, plan: &Plan<'_>, nodes: &[u8]) -> Result<Rc<Buffer>> {
         Ok(Rc::new(Buffer::with_content(device, "nodes", usage_of(plan), nodes)?))
     }
 }
 
+/// The frame as kernels take it: with the device addresses of the arrays, where they have any.
+fn frame_buffer(device: &Device, frame: Frame, nodes: &Buffer, triangles: &Buffer) -> Result<Buffer> {
+    let halves = |buffer: &Buffer| {
+        let address = buffer.address().unwrap_or(0);
+        (address as u32, (address >> 32) as u32)
+    };
+    let (nodes_low, nodes_high) = halves(nodes);
+    let (triangles_low, triangles_high) = halves(triangles);
+    let frame = Frame { nodes_low, nodes_high, triangles_low, triangles_high, ..frame };
+    Buffer::uniform(device, "frame", bytemuck::bytes_of(&frame))
+}
+
 fn usage_of(plan: &Plan<'_>) -> BufferUse {
-    if plan.texels { BufferUse::Texels } else { BufferUse::Storage }
+    if plan.texels() { BufferUse::Texels } else { BufferUse::Addressed }
 }
 
 /// Arrays that were uploaded, found again by plans that read the same ones: geometry, layout of nodes, growth of
-/// boxes and accessor are theirs.
+/// boxes and whether they are texel buffers are theirs.
 #[derive(Default)]
 pub struct Uploads {
     known: Vec<(Key, Uploaded)>,
@@ -65,7 +82,7 @@ impl Uploads {
     pub fn of(&mut self, device: &Device, plan: &Plan<'_>) -> Result<Uploaded> {
         let key = Key {
             geometry: plan.geometry,
-            texels: plan.texels,
+            texels: plan.texels(),
             corners: plan.corners.is_some(),
             layout: plan.node_layout(),
             pad: plan.node_pad().to_bits(),
@@ -154,9 +171,9 @@ impl<'a> Stage<'a> {
             device,
             plan,
             pipelines,
+            frame: uploaded.frame(device, plan)?,
             nodes: uploaded.nodes,
             triangles: uploaded.triangles,
-            frame: Buffer::uniform(device, "frame", bytemuck::bytes_of(&plan.frame))?,
             seed: plan.frame.seed,
             image: new_image(device, plan)?,
             pace: pace(device, plan),
@@ -166,7 +183,7 @@ impl<'a> Stage<'a> {
     /// Takes other random numbers from now on; nothing may be under way.
     pub fn reseed(&mut self, seed: u32) -> Result<()> {
         let frame = Frame { seed, ..self.plan.frame };
-        self.frame = Buffer::uniform(self.device, "frame", bytemuck::bytes_of(&frame))?;
+        self.frame = frame_buffer(self.device, frame, &self.nodes, &self.triangles)?;
         self.seed = seed;
         Ok(())
     }

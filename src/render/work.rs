@@ -5,11 +5,10 @@ use super::auto;
 use super::band::Band;
 use super::choices::{Accumulator, Passes, Settings};
 use super::execute::bands;
-use super::plan::{Plan, traversal_name};
+use super::plan::{Plan, kernel_by, traversal_name};
 use super::stage::Stage;
 use super::tally::Tally;
 use crate::error::Result;
-use crate::kernels::find_kernel;
 use crate::layout::Work;
 use crate::vk::Device;
 
@@ -44,7 +43,7 @@ pub struct WorkCount {
 /// Renders the plan's samples once with the kernel that counts for its method and accessor, in one pass whatever the
 /// plan's are. `None` where the device does not have the subgroup operations that counting needs.
 pub fn count_work(device: &Device, plan: &Plan<'_>) -> Result<Option<WorkCount>> {
-    let kernel = find_kernel(&format!("work/{}/{}", traversal_name(&plan.settings), plan.accessor_name()))?;
+    let kernel = kernel_by(&format!("work/{}", traversal_name(&plan.settings)), plan.accessor)?;
     if auto::check_subgroup(kernel, device.adapter()).is_err() {
         return Ok(None);
     }

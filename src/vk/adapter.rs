@@ -112,6 +112,8 @@ pub struct Adapter {
     pub(super) extensions: Vec<String>,
     /// Whether compiled kernels can be asked for statistics.
     pub(super) tells_statistics: bool,
+    /// Whether buffers have device addresses.
+    pub(super) has_addresses: bool,
     pub(super) calibrator: Option<Calibrator>,
     pub(super) cache_key: CacheKey,
 }
@@ -161,6 +163,8 @@ impl Adapter {
             OPTIONAL_EXTENSIONS.iter().map(|(label, name)| (*label, offered(name))).collect();
         features.push(("pipeline statistics", tells_statistics));
         features.push(("calibrated timestamps", calibrator.is_some()));
+        let has_addresses = has_12 && has_addresses(instance, raw);
+        features.push(("buffer device address", has_addresses));
         let family = compute_family(&families);
         let kind = kind_of(base.device_type);
         let driver_id = vulkan12.driver_id;
@@ -200,6 +204,7 @@ impl Adapter {
                 families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)
             }),
             tells_statistics,
+            has_addresses,
             calibrator,
             cache_key: CacheKey::of(&base),
             extensions,
@@ -250,6 +255,15 @@ fn tells_statistics(instance: &ash::Instance, raw: vk::PhysicalDevice) -> bool {
     // SAFETY: `raw` comes from this instance, and the device has the extension of the struct.
     unsafe { instance.get_physical_device_features2(raw, &mut features) };
     executables.pipeline_executable_info == vk::TRUE
+}
+
+/// Whether the buffers of a device of Vulkan 1.2 have device addresses.
+fn has_addresses(instance: &ash::Instance, raw: vk::PhysicalDevice) -> bool {
+    let mut addresses = vk::PhysicalDeviceBufferDeviceAddressFeatures::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut addresses);
+    // SAFETY: `raw` comes from this instance, and Vulkan 1.2 has the struct.
+    unsafe { instance.get_physical_device_features2(raw, &mut features) };
+    addresses.buffer_device_address == vk::TRUE
 }
 
 fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {

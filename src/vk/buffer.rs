@@ -20,6 +20,8 @@ pub enum BufferUse {
     Indirect,
     /// Read by kernels through a view of 16-byte texels.
     Texels,
+    /// Read and written by kernels, also by its device address where the device has them.
+    Addressed,
     /// A small block of constants that the host writes.
     Uniform,
     /// Written by the host, copied to the device.
@@ -34,6 +36,7 @@ pub struct Buffer {
     pub(super) view: Option<vk::BufferView>,
     pub(super) bytes: u64,
     pub(super) usage: BufferUse,
+    address: Option<u64>,
     name: String,
     allocation: Option<Allocation>,
     device: Arc<Shared>,
@@ -44,9 +47,16 @@ impl Buffer {
     pub fn new(device: &Device, name: &str, usage: BufferUse, bytes: u64) -> Result<Self> {
         let shared = device.shared.clone();
         let bytes = bytes.max(16);
+        let has_address = usage == BufferUse::Addressed && shared.adapter.has_addresses;
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (flags, location) = match usage {
-            BufferUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly),
+            BufferUse::Addressed if has_address => {
+                let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+                (both | transfer, MemoryLocation::GpuOnly)
+            }
+            BufferUse::Storage | BufferUse::Addressed => {
+                (vk::BufferUsageFlags::STORAGE_BUFFER | transfer, MemoryLocation::GpuOnly)
+            }
             BufferUse::Indirect => {
                 let both = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER;
                 (both | transfer, MemoryLocation::GpuOnly)
@@ -68,6 +78,7 @@ impl Buffer {
             view: None,
             bytes,
             usage,
+            address: None,
             name: name.to_string(),
             allocation: None,
             device: shared.clone(),
@@ -92,7 +103,17 @@ impl Buffer {
                 .map_err(|result| failed(&format!("Viewing the buffer {name} as texels"), result))?;
             buffer.view = Some(view);
         }
+        if has_address {
+            let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
+            // SAFETY: the device has the feature, and the buffer has memory and was made for it.
+            buffer.address = Some(unsafe { shared.raw.get_buffer_device_address(&info) });
+        }
         Ok(buffer)
+    }
+
+    /// Its device address, if it was made to have one.
+    pub fn address(&self) -> Option<u64> {
+        self.address
     }
 
     pub fn name(&self) -> &str {

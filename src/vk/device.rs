@@ -66,11 +66,16 @@ impl Device {
         if adapter.tells_statistics {
             info = info.push_next(&mut executables);
         }
+        let mut addresses =
+            vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
+        if adapter.has_addresses {
+            info = info.push_next(&mut addresses);
+        }
         let vulkan = &instance.shared.raw;
         // SAFETY: the adapter comes from this instance; `info` lives until the call returns.
         let raw = unsafe { vulkan.create_device(adapter.raw, &info, None) }
             .map_err(|result| failed(&format!("Opening the device {}", adapter.name), result))?;
-        let memory = match Memory::new(vulkan, &raw, adapter.raw) {
+        let memory = match Memory::new(vulkan, &raw, adapter.raw, adapter.has_addresses) {
             Ok(memory) => memory,
             Err(error) => {
                 // SAFETY: nothing was made from the device.

@@ -28,13 +28,14 @@ impl Memory {
         instance: &ash::Instance,
         device: &ash::Device,
         physical_device: vk::PhysicalDevice,
+        has_addresses: bool,
     ) -> Result<Self> {
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
             physical_device,
             debug_settings: Default::default(),
-            buffer_device_address: false,
+            buffer_device_address: has_addresses,
             allocation_sizes: Default::default(),
         })
         .map_err(|error| {

@@ -4,8 +4,8 @@
 
 use std::io::Cursor;
 
-use cousu::render::auto::{self, Accessor, Decision};
-use cousu::render::choices::{Intersector, Method, Preset, Wishes};
+use cousu::render::auto::{self, Decision};
+use cousu::render::choices::{Accessor, Intersector, Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
 use cousu::render::plan::{Job, Plan};

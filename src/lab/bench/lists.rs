@@ -295,6 +295,7 @@ impl List<'_> {
         let mut told = blank_row(self.case, spec, plan, *order);
         told.passes = "trace";
         told.query = Some(query.name());
+        told.accessor = row.frames.accessor_name();
         told.spp = 0;
         let share = elements_in(&row.ready.spans) as f64 / self.rays.len() as f64;
         set_times(&mut told, times, row.ready.set.rays(), share);
