@@ -49,6 +49,11 @@ pub fn faces(corners: &[Corners]) -> Vec<Face> {
     std::iter::once(header).chain(quads.iter().copied()).chain(alone).collect()
 }
 
+/// Edges of all faces, from their header.
+pub fn edges_of(faces: &[Face]) -> u32 {
+    faces.first().map_or(0, |header| 3 * header.first + header.second)
+}
+
 fn quad(corners: &[Corners], pair: [usize; 2], shared: [usize; 2]) -> Face {
     let [first, second] = pair.map(|index| points(&corners[index]));
     Face {

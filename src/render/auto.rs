@@ -32,14 +32,19 @@ pub struct Decision {
 /// Up to this many triangles all of them are tested: a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
-/// Up to this many triangles of which some share edges `brute` is the fastest on a GPU where a pixel has at least so many rays of any
-/// length, for all of which it finds a face's edges once.
-const EDGES_UP_TO: usize = 32;
-const EDGES_FROM_SAMPLES: u32 = 16;
+/// Up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for all of a pixel's rays, is the fastest on a GPU
+/// (measured on an H100 at 64 samples: 1.5 times the rate of `entry` on Cornell with 64 edges and a cost of 12.3, 1.0 with 54 and 5.9,
+/// 0.85 with 96 and 6.6, 0.7 with 216 and 9.3).
+const EDGES_FOR_COST: f64 = 9.5;
+/// Samples of a camera ray from which that pays (there, 1.4 times the rate of the next best at 16, 0.7 times at 12).
+const MANY_SAMPLES: u32 = 16;
+/// Samples of a camera ray from which a second kernel pays on a GPU (there, `split` has 0.7 to 0.95 times the rate of `single` at 4, 0.9 to 1.1
+/// times at 8, 1.0 to 1.2 times at 12).
+const SPLIT_FROM_SAMPLES: u32 = 8;
 /// Triangles up to which `brute` finds them in a kernel of its own on a GPU.
 const BRUTE_SPLIT_UP_TO: usize = 1 << 16;
-/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU (measured on an H100 at 64 samples: 1.02 to 1.06 times
-/// the rate of `entry` with 32 triangles, 0.7 times with 5,456).
+/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
+/// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
@@ -120,7 +125,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "count",
                 "exact, and it adds up in any order",
             );
-            let (passes, why) = choose_passes(method, geometry, adapter);
+            let (passes, why) = choose_passes(wishes, method, geometry, adapter);
             choose("passes", wishes.passes.map(Passes::name), passes.name(), why);
             choose(
                 "offset",
@@ -193,14 +198,15 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Wide, format!("SAH cost {cost:.0}, above {BUNDLE_UP_TO_COST}: neighbouring rays part early"))
     } else if on_cpu {
         (Method::Bundle, "a CPU device is fastest where many rays share what a node costs".into())
-    } else if triangles <= EDGES_UP_TO && shares_edges_of_faces(wishes, geometry) {
-        (
-            Method::Brute,
-            format!(
-                "{triangles} triangles, at most {EDGES_UP_TO}: their edges are found once for all of a pixel's rays"
-            ),
-        )
-    } else if triangles <= WIDE_UP_TO {
+    } else if let Some(edges) = geometry.face_edges
+        && f64::from(edges) <= EDGES_FOR_COST * cost
+        && takes_faces(wishes, geometry)
+    {
+        let why = format!(
+            "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for all of a pixel's rays"
+        );
+        (Method::Brute, why)
+    } else if triangles <= WIDE_UP_TO && fewer_samples(wishes, MANY_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if cost > POSTPONED_FROM && votes.is_ok() {
         let why = format!(
@@ -217,14 +223,19 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
 }
 
 /// Whether `brute` would find each face's edges for many rays at once.
-fn shares_edges_of_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
+fn takes_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
     let intersector = wishes.intersector.unwrap_or(choose_intersector(geometry).0);
     intersector == Intersector::Conservative
         && wishes.slabs != Some(Slabs::Plain)
         && matches!(wishes.passes, None | Some(Passes::Split))
         && matches!(wishes.accumulator, None | Some(Accumulator::Count))
-        && wishes.samples.is_none_or(|samples| samples >= EDGES_FROM_SAMPLES)
+        && !fewer_samples(wishes, MANY_SAMPLES)
         && !wishes.bounded
+}
+
+/// Where their number is not known there may be many.
+fn fewer_samples(wishes: &Wishes, than: u32) -> bool {
+    wishes.samples.is_some_and(|samples| samples < than)
 }
 
 /// All see the same triangles but for rays within some roundings of an edge.
@@ -238,7 +249,12 @@ fn choose_intersector(geometry: &Geometry) -> (Intersector, &'static str) {
 
 /// Camera rays' hits are found again with each dispatch of a single pass; a second kernel costs little where dispatches
 /// are many, as on a CPU, or where lanes do not take their next ray by themselves.
-fn choose_passes(method: Method, geometry: &Geometry, adapter: &Adapter) -> (Passes, &'static str) {
+fn choose_passes(
+    wishes: &Wishes,
+    method: Method,
+    geometry: &Geometry,
+    adapter: &Adapter,
+) -> (Passes, &'static str) {
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
         Method::Brute if !on_cpu && geometry.triangles.len() <= BRUTE_SPLIT_UP_TO => {
@@ -247,6 +263,9 @@ fn choose_passes(method: Method, geometry: &Geometry, adapter: &Adapter) -> (Pas
         Method::Brute => (Passes::Single, "one kernel does all of a pixel"),
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
+        }
+        Method::Ordered | Method::Entry | Method::Postponed if fewer_samples(wishes, SPLIT_FROM_SAMPLES) => {
+            (Passes::Single, "few rays of a pixel are done soonest where the camera ray was")
         }
         Method::Ordered | Method::Entry | Method::Postponed => {
             (Passes::Split, "ambient rays of few pixels would hold up the others")

@@ -19,6 +19,9 @@ use crate::render::choices::Method;
 use crate::scene::condition::{self, Placement};
 use crate::scene::{Mesh, Scene};
 
+/// Triangles up to which the edges of faces are counted.
+const FEW_TRIANGLES: usize = 256;
+
 /// Placed triangles and the tree over them.
 pub struct Geometry {
     pub builder: Builder,
@@ -36,6 +39,8 @@ pub struct Geometry {
     pub build_ms: f64,
     /// Whether two triangles share an edge, so that rays must not pass between them.
     pub shares_edges: bool,
+    /// Edges of all faces ([`pack::faces`]), counted where there are few triangles.
+    pub face_edges: Option<u32>,
     /// Triangles left out because 32-bit floats see no area in them.
     pub without_area: usize,
     /// Triangles left out because each has the corners of one that comes before it.
@@ -92,7 +97,7 @@ impl Geometry {
             || pack::box_pad(&placed),
             || (bvh::stack::stack_bound(&tree), shares_edges(&scene.mesh, &placement)),
         );
-        Ok(Self {
+        let geometry = Self {
             builder,
             placement,
             box_pad,
@@ -105,8 +110,12 @@ impl Geometry {
             build_ms,
             without_area,
             shares_edges,
+            face_edges: None,
             copies,
-        })
+        };
+        let few = geometry.triangles.len() <= FEW_TRIANGLES;
+        let face_edges = few.then(|| pack::edges_of(&pack::faces(geometry.corners(&scene.mesh))));
+        Ok(Self { face_edges, ..geometry })
     }
 }
 
