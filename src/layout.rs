@@ -159,7 +159,8 @@ records! {
         child7: int,
     }
     /// A triangle, or two that make a flat convex quadrilateral, by their places in the array; the edge that each shares with the
-    /// other (two bits each, the first one's below), and whether they are wound unlike. For a triangle `second` is `first`.
+    /// other (two bits each, the first one's below), and whether they are wound unlike. For a triangle `second` is `first`. The array begins
+    /// with a record of how many faces there are, and how many of them have four edges.
     Face {
         first: uint,
         second: uint,

@@ -275,6 +275,37 @@ fn a_gpu_reads_by_address_where_it_has_the_kernels() {
     });
 }
 
+/// Faces with few edges are for `brute`, where many rays of any length leave a pixel, and passes follow from their number.
+#[test]
+fn a_gpu_s_method_and_passes_follow_from_the_rays() {
+    with_device(|device| {
+        let mut gpu = device.adapter().clone();
+        gpu.kind = DeviceKind::Discrete;
+        let few = Wishes { samples: Some(4), ..Wishes::default() };
+        let bounded = Wishes { bounded: true, ..Wishes::default() };
+        let moller = Wishes { intersector: Some(Intersector::Moller), ..Wishes::default() };
+        let lcg = Wishes { sampler: Some(Sampler::Lcg), ..Wishes::default() };
+        let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
+        let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
+        for (name, wishes, method, passes) in [
+            ("cornell", Wishes::default(), Method::Brute, Passes::Split),
+            ("cornell", few, Method::Wide, Passes::Single),
+            ("cornell", bounded, Method::Entry, Passes::Split),
+            ("cornell", moller, Method::Entry, Passes::Split),
+            ("cornell", lcg, Method::Entry, Passes::Split),
+            ("maison", Wishes::default(), Method::Entry, Passes::Split),
+            ("maison", few, Method::Entry, Passes::Single),
+            ("cornell", brute_moller, Method::Brute, Passes::Single),
+            ("cornell", brute, Method::Brute, Passes::Split),
+        ] {
+            let scene = scene_named(name, None);
+            let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
+            let settings = auto::decide(&wishes, &geometry, &gpu).settings;
+            assert_eq!((settings.method, settings.passes), (method, passes), "{name} {wishes:?}");
+        }
+    });
+}
+
 #[test]
 fn all_methods_and_builders_find_the_same_camera_hits() {
     with_device(|device| {

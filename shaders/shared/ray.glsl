@@ -1,6 +1,9 @@
 // A ray under way and what it has met.
 
-// What a method does before any hits, where it needs to know where they start; see traverse/entry.glsl.
+// How far rays go that have no end: the largest float.
+#define UNBOUNDED 3.40282346638528859812e38
+
+// What a method does before any hits, where it needs to know where they start; see traverse/entry.glsl and edges.glsl.
 #define BEGIN_ANY(works, start)
 
 // Points are origin + t direction, 0 < t <= t_max.

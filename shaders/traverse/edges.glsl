@@ -8,16 +8,20 @@
 // Only for the conservative intersector, since no ray passes between two triangles of a face then.
 
 // Edge functions are measured in the most that rounding may change them, and moved up by 1, so that below 0 a direction is
-// outside and above 2 within. In sizes of start, edges and direction that is 2^-18: four times what `error_of` grants
-// for the three together, with the sum of a direction's components at most 1.74.
-#define EDGE_ERROR 3.814697265625e-6
+// outside and above 2 within. In sizes of start, edges and direction that is 2^-17: eight times S, what `error_of` grants
+// for the three together, with the sum of a direction's components at most 1.74. What the exact test accepts lies within
+// 2 S of the triangle, for it errs by S and grants it; a face's own edges may be passed by 2.25 times that (LEANS of
+// src/pack/faces.rs), lie S / 2 beside it (FLAT), and round by 1.3 S here.
+#define EDGE_ERROR 7.62939453125e-6
 // Of a plane through the start the twin's sign of t decides which side counts, and a hit may be lost to its own box. Then
 // edge functions shrink by 2^-20, so that they never reach 2.
 #define NEAR_SCALE 9.5367431640625e-7
 // 2 as bits.
 #define WITHIN 0x40000000
-#define UNBOUNDED 3.40282346638528859812e38
-#define NO_EDGE 3u
+
+// Whether faces are there for these choices: otherwise nothing stands where their number does. Of bounded rays nothing
+// would be sure.
+bool takes_faces(bool bounded) { return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !bounded && load_face(0u).first > 0u; }
 
 // A triangle as seen from the start.
 struct Side {
@@ -58,11 +62,12 @@ struct Edges {
     vec4 d;
 };
 
-Edges edges_from(vec3 start, Face face, bool bounded) {
+// With `sure` false nothing is within.
+Edges edges_from(vec3 start, Face face, bool sure) {
     Side first = side_from(start, load_edges(int(face.first)));
     Side second = first;
     if (face.second != face.first) second = side_from(start, load_edges(int(face.second)));
-    bool near = bounded || first.near || second.near;
+    bool near = !sure || first.near || second.near;
     float scale = (near ? NEAR_SCALE : 1.0) / max(max(first.error, second.error), 1e-30);
     float base = near ? NEAR_SCALE : 1.0;
     // From between the two planes nothing is clear.
@@ -102,14 +107,13 @@ bool closest_together(bool works, Ray ray, inout Hit hit) {
     // Of any length: the errors are those of short directions.
     vec3 direction = ray.direction / dot(abs(ray.direction), vec3(1.0));
     uint lane = gl_LocalInvocationIndex;
-    // What stands before the faces: how many there are, and how many with four edges.
     uint faces = load_face(0u).first;
     uint first = 0u;
     while (first < faces) {
         uint count = min(faces - first, WORKGROUP_SIZE);
         barrier();
         if (lane < count) {
-            Edges edges = edges_from(frame.origin, load_face(1u + first + lane), true);
+            Edges edges = edges_from(frame.origin, load_face(1u + first + lane), false);
             camera_edges[4u * lane] = edges.a;
             camera_edges[4u * lane + 1u] = edges.b;
             camera_edges[4u * lane + 2u] = edges.c;
@@ -133,7 +137,7 @@ bool closest_together(bool works, Ray ray, inout Hit hit) {
 
 void run_closest() {
     bool one_eye = frame.origin_dx == vec3(0.0) && frame.origin_dy == vec3(0.0);
-    if (!(CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && one_eye)) {
+    if (!(takes_faces(false) && one_eye)) {
         run_each_closest();
         return;
     }
@@ -167,10 +171,10 @@ uint edges_place(uint face) {
     return gl_LocalInvocationIndex / SAMPLE_LANES * (4u * FACES_AT_A_TIME + 1u) + 4u * face;
 }
 
-void share_edges(uint first, uint count, bool bounded) {
+void share_edges(uint first, uint count) {
     barrier();
     for (uint i = gl_LocalInvocationIndex % SAMPLE_LANES; i < count; i += SAMPLE_LANES) {
-        Edges edges = edges_from(edge_start, load_face(first + i), bounded);
+        Edges edges = edges_from(edge_start, load_face(first + i), true);
         uint place = edges_place(i);
         shared_edges[place] = edges.a;
         shared_edges[place + 1u] = edges.b;
@@ -205,13 +209,13 @@ int most[RAYS];
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
 // Returns whether all faces were tested.
-bool test_faces(bool bounded) {
+bool test_faces() {
     Face header = load_face(0u);
     uint first = 0u;
     while (first < header.first) {
         uint count = min(header.first - first, FACES_AT_A_TIME);
         uint fours = min(max(header.second, first) - first, count);
-        share_edges(first + 1u, count, bounded);
+        share_edges(first + 1u, count);
         uint i = 0u;
         while (i < fours) {
             Edges edges = shared_edges_of(i);
@@ -245,12 +249,11 @@ vec3 next_direction(inout uint count, inout uint first_id) {
 #define RETIRE(i) if (uint(i) < count) retire_any(first_id + uint(i) * SAMPLE_LANES, (occluded >> i & 1u) == 1u, finished);
 
 void run_together() {
-    bool bounded = frame.ambient_t_max < UNBOUNDED;
     while (anyone_left()) {
         uint count = 0u;
         uint first_id = 0u;
         EACH_RAY(TAKE)
-        bool finished = test_faces(bounded);
+        bool finished = test_faces();
         uint occluded = 0u;
         uint open = 0u;
         EACH_RAY(JUDGE)
@@ -270,7 +273,7 @@ void run_together() {
 }
 
 void run_any() {
-    if (CONSERVATIVE && ROBUST_SLABS && !ORIGINAL) {
+    if (takes_faces(frame.ambient_t_max < UNBOUNDED)) {
         run_together();
     } else {
         run_each_any();

@@ -16,8 +16,6 @@
 
 // Farther than any scene.
 #define EVERYWHERE 1e30
-// Of rays that have no end, the largest float.
-#define UNBOUNDED 3.40282346638528859812e38
 
 // The entries: lower corner of the box and reference, upper corner.
 shared vec4 entry_min[ENTRIES];

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use comfy_table::{Table, presets};
 
-use super::args::ChoiceArguments;
+use super::args::{ChoiceArguments, distance};
+use super::render::DEFAULT_SPP;
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
 use crate::render::auto;
+use crate::render::choices::Wishes;
 use crate::render::plan::kernels_of;
 use crate::scene::Scene;
 
@@ -16,6 +18,12 @@ use crate::scene::Scene;
 pub struct Arguments {
     /// The scene, a Wavefront OBJ file
     scene: PathBuf,
+    /// Ambient rays of each pixel whose camera ray hits, as for render
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+    /// Bounded ambient occlusion, as for render
+    #[arg(long, value_name = "D", value_parser = distance)]
+    max_distance: Option<f64>,
     #[command(flatten)]
     choices: ChoiceArguments,
     #[command(flatten)]
@@ -26,7 +34,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let (_instance, adapter) = session::adapter(&arguments.device)?;
     let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
-    let decision = auto::decide(&arguments.choices.wishes(), &geometry, &adapter);
+    let wishes = Wishes {
+        samples: Some(arguments.spp),
+        bounded: arguments.max_distance.is_some(),
+        ..arguments.choices.wishes()
+    };
+    let decision = auto::decide(&wishes, &geometry, &adapter);
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);
     table.set_header(["choice", "", "why"]);

@@ -12,7 +12,6 @@ use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result, joined};
 use crate::layout::{self, FRAME_SAMPLES, Frame};
 use crate::render::auto;
-use crate::render::choices::Wishes;
 use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
@@ -158,7 +157,7 @@ impl Outputs {
 }
 
 /// Ambient rays of a pixel, if nothing else is asked for.
-const DEFAULT_SPP: u32 = 64;
+pub(super) const DEFAULT_SPP: u32 = 64;
 
 fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
     let jitters = arguments.antialias;
@@ -236,12 +235,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let begin = Instant::now();
     let job = job(arguments, camera)?;
-    let wishes = Wishes {
-        samples: (job.goal == Goal::Samples).then_some(job.samples.len() as u32),
-        bounded: job.max_distance.is_some(),
-        ..arguments.choices.wishes()
-    };
-    let decision = auto::decide(&wishes, &geometry, adapter);
+    let decision = auto::decide(&job.wishes(&arguments.choices.wishes()), &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     spans.phase("plan", begin);

@@ -7,16 +7,20 @@ use glam::DVec3;
 use crate::layout::{Corners, Face};
 
 /// How far a fourth corner may lie off the plane of the other three, and how straight a corner must not be, in parts of the
-/// smaller triangle: 2^-21, an eighth of what shaders/traverse/edges.glsl leaves open around an edge.
+/// smaller triangle: 2^-21, a sixteenth of what shaders/traverse/edges.glsl leaves open around an edge.
 const FLAT: f64 = 1.0 / 2_097_152.0;
 
 /// Seen from a start, an outer edge's function is a sum of those of the other triangle's edges at the corner where they meet,
 /// -a of its outer one and b of the shared one. The exact test grants each of the two an error, the quadrilateral's
-/// outer edge must grant what the sum of these is: it has room for 2.7 times the most of them. Of a parallelogram a = -1 and b = 1.
+/// outer edge must grant what the sum of these is, which shaders/traverse/edges.glsl leaves room for. Of a parallelogram a = -1 and b = 1.
 const LEANS: f64 = 2.25;
 
 /// A triangle's edges, as shaders/traverse/edges.glsl numbers them: the corners that they join, and the third one.
 const EDGES: [[usize; 3]; 3] = [[0, 2, 1], [0, 1, 2], [1, 2, 0]];
+
+/// Most triangles that are joined to faces: beyond it a batch of eight rays could come near the 65,535 iterations that Mesa's software device
+/// grants an invocation.
+pub const MOST_TRIANGLES: usize = 4096;
 
 /// How many faces there are and how many of them have four edges, then the faces, those with four edges first.
 pub fn faces(corners: &[Corners]) -> Vec<Face> {

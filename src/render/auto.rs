@@ -10,6 +10,7 @@ use super::plan::{accessor_of, kernels_of};
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
+use crate::pack;
 use crate::vk::{Adapter, DeviceKind};
 
 /// A choice with its reason, for `plan`.
@@ -41,8 +42,6 @@ const MANY_SAMPLES: u32 = 16;
 /// Samples of a camera ray from which a second kernel pays on a GPU (there, `split` has 0.7 to 0.95 times the rate of `single` at 4, 0.9 to 1.1
 /// times at 8, 1.0 to 1.2 times at 12).
 const SPLIT_FROM_SAMPLES: u32 = 8;
-/// Triangles up to which `brute` finds them in a kernel of its own on a GPU.
-const BRUTE_SPLIT_UP_TO: usize = 1 << 16;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
 /// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
@@ -163,7 +162,9 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     let why = if accessor == wanted { why } else { "no kernel of these choices reads by device address" };
     note("accessor", accessor.name().into(), why);
     let why = match (settings.method, wishes.builder) {
-        (Method::Brute, _) => "brute reads no tree, so the one that is built fastest",
+        (Method::Brute, _) if wishes.method.is_some() => {
+            "brute reads no tree, so the one that is built fastest"
+        }
         (_, Some(_)) => asked,
         _ if preset.is_original() => "as the original",
         _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
@@ -229,6 +230,9 @@ fn takes_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
         && wishes.slabs != Some(Slabs::Plain)
         && matches!(wishes.passes, None | Some(Passes::Split))
         && matches!(wishes.accumulator, None | Some(Accumulator::Count))
+        && wishes.sampler != Some(Sampler::Lcg)
+        && wishes.accessor != Some(Accessor::TexelBuffer)
+        && geometry.triangles.len() <= pack::MOST_FACES
         && !fewer_samples(wishes, MANY_SAMPLES)
         && !wishes.bounded
 }
@@ -257,7 +261,7 @@ fn choose_passes(
 ) -> (Passes, &'static str) {
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
-        Method::Brute if !on_cpu && geometry.triangles.len() <= BRUTE_SPLIT_UP_TO => {
+        Method::Brute if !on_cpu && takes_faces(wishes, geometry) => {
             (Passes::Split, "all of a pixel's rays share what a face costs")
         }
         Method::Brute => (Passes::Single, "one kernel does all of a pixel"),

@@ -6,7 +6,7 @@ use crate::layout::{self, Corners, Frame};
 use crate::pack;
 use crate::render::auto::Decision;
 use crate::render::choices::{
-    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs, Wishes,
 };
 use crate::render::geometry::Geometry;
 use crate::render::rounds::Goal;
@@ -38,6 +38,12 @@ pub struct Job {
 }
 
 impl Job {
+    /// With what the job tells of the rays to come.
+    pub fn wishes(&self, wishes: &Wishes) -> Wishes {
+        let samples = (self.goal == Goal::Samples).then_some(self.samples.len() as u32);
+        Wishes { samples, bounded: self.max_distance.is_some(), ..*wishes }
+    }
+
     pub fn tiles(&self) -> Tiles {
         Tiles { width: self.size.0, height: self.size.1, jitters: self.jitters }
     }
@@ -77,7 +83,8 @@ pub struct Plan<'a> {
     pub geometry: &'a Geometry,
     /// The triangles as the watertight intersector takes them, where it is chosen.
     pub corners: Option<&'a [Corners]>,
-    /// The corners that faces are found by, where a kernel reads faces.
+    /// The corners that faces are found by, where a kernel reads faces and the intersector allows them; otherwise their
+    /// number is 0.
     pub face_corners: Option<&'a [Corners]>,
     pub tuning: Tuning,
 }
@@ -148,7 +155,11 @@ impl<'a> Plan<'a> {
             tuning: Tuning::default(),
             face_corners: None,
         };
-        let reads_faces = plan.node_layout() == NodeLayout::Faces;
+        let reads_faces = plan.node_layout() == NodeLayout::Faces
+            && plan.settings.intersector == Intersector::Conservative
+            && plan.settings.slabs == Slabs::Robust
+            && !original
+            && geometry.triangles.len() <= pack::MOST_FACES;
         let plan = Self { face_corners: reads_faces.then(|| geometry.corners(&scene.mesh)), ..plan };
         plan.check_buffers(scene, limits)?;
         Ok(plan)

@@ -223,8 +223,8 @@ impl Scheduler {
         let begin = self.next_pixel;
         // A small rest goes with the last dispatch: by itself it would take as long as its slowest workgroup does.
         let rest = (self.work.pixel_end - begin).div_ceil(WORKGROUP_SIZE);
-        let groups =
-            if rest > groups && rest - groups <= groups / SMALL_REST { rest.min(most) } else { groups };
+        let small = rest > groups && rest <= most && rest - groups <= groups / SMALL_REST;
+        let groups = if small { rest } else { groups };
         let end = begin.saturating_add(groups.saturating_mul(WORKGROUP_SIZE)).min(self.work.pixel_end);
         let whole = Range {
             pixel_begin: begin,
@@ -403,6 +403,36 @@ mod tests {
             scheduler.measured(&submit, finished, 400.0 * submit.len() as f64);
         }
         assert_eq!(ranges, 10);
+    }
+
+    #[test]
+    fn a_small_rest_goes_with_the_dispatch_before_it() {
+        // 64 samples and a camera ray, of 1,000 rays per ms for 65 ms: 1,000 workgroups of 64 pixels.
+        let pace = Pace { rays_per_ms: 64e3, dispatch_ms: 65.0, loop_iterations: None, ..CPU };
+        for (workgroups, most, expected) in [
+            (1_250, 65_535, vec![1_250]),
+            (1_251, 65_535, vec![1_000, 251]),
+            (2_200, 65_535, vec![1_000, 1_200]),
+            (1_250, 1_100, vec![1_000, 250]),
+        ] {
+            let work = Work {
+                pixel_begin: 0,
+                pixel_end: 64 * workgroups,
+                sample_begin: 0,
+                sample_end: 64,
+                ..work(9, false, Blocks::Free)
+            };
+            let mut scheduler = Scheduler::new(work, Pace { workgroups: most, ..pace });
+            let mut sizes = Vec::new();
+            loop {
+                let submit = scheduler.next_submit();
+                if submit.is_empty() {
+                    break;
+                }
+                sizes.extend(submit.iter().map(|range| (range.pixel_end - range.pixel_begin) / 64));
+            }
+            assert_eq!(sizes, expected);
+        }
     }
 
     #[test]

@@ -99,7 +99,7 @@ pub fn set_times(row: &mut Row, times: &[f64], rays: u64, share: f64) {
 
 /// Bytes of the nodes on a device, given those of their buffer, which is there even where nothing reads it.
 pub fn bvh_bytes(plan: &Plan<'_>, buffer_bytes: u64) -> u64 {
-    if plan.node_layout() == NodeLayout::None { 0 } else { buffer_bytes }
+    if matches!(plan.node_layout(), NodeLayout::None | NodeLayout::Faces) { 0 } else { buffer_bytes }
 }
 
 /// Device memory that a row needs, about: scene and what it keeps for each pixel (`band.rs`, `passes.rs`).

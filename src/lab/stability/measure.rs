@@ -59,7 +59,8 @@ impl Lab<'_> {
         wishes: &Wishes,
     ) -> Result<Plan<'g>> {
         let adapter = self.device.adapter();
-        Plan::new(job, scene, geometry, &auto::decide(wishes, geometry, adapter), &adapter.limits)
+        let decision = auto::decide(&job.wishes(wishes), geometry, adapter);
+        Plan::new(job, scene, geometry, &decision, &adapter.limits)
     }
 
     pub(super) fn render(&self, plan: &Plan<'_>) -> Result<Outcome> {

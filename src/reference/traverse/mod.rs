@@ -3,6 +3,7 @@
 pub mod brute;
 pub mod bundle;
 pub mod children;
+pub mod edges;
 pub mod entry;
 pub mod grown;
 pub mod near_first;

@@ -1,0 +1,190 @@
+//! Faces against rays that start at one point. Twin of shaders/traverse/edges.glsl, one ray at a time; fused products and the
+//! division round otherwise there, which the room around an edge covers.
+
+use glam::Vec3;
+
+use crate::layout::{Face, Triangle};
+use crate::reference::arith::{cross3, dot3, max_abs};
+
+/// 2^-17.
+const EDGE_ERROR: f32 = 1.0 / 131_072.0;
+/// 2^-20.
+const NEAR_SCALE: f32 = 1.0 / 1_048_576.0;
+/// From here on a direction is within.
+const WITHIN: f32 = 2.0;
+
+/// What a face's edges tell of a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    Outside,
+    Unsure,
+    Within,
+}
+
+struct Side {
+    u: Vec3,
+    v: Vec3,
+    w: Vec3,
+    error: f32,
+    below: bool,
+    near: bool,
+}
+
+fn side_from(start: Vec3, triangle: &Triangle) -> Side {
+    let (ab, ac) = (Vec3::from(triangle.ab), Vec3::from(triangle.ac));
+    let s = start - Vec3::from(triangle.a);
+    let q = cross3(s, ab);
+    let volume = dot3(ac, q);
+    let size = max_abs(s);
+    let product = triangle.ab_sum * triangle.ac_sum;
+    let below = volume < 0.0;
+    let sign = if below { -1.0 } else { 1.0 };
+    let (u, v) = (cross3(ac, s) * sign, q * sign);
+    Side {
+        u,
+        v,
+        w: cross3(ac, ab) * sign - u - v,
+        error: EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product),
+        below,
+        near: volume.abs() < EDGE_ERROR * size * product,
+    }
+}
+
+/// A face's edge functions from a start, and what is added to them.
+pub struct Edges {
+    sides: Vec<Vec3>,
+    base: f32,
+}
+
+impl Edges {
+    pub fn from(start: Vec3, face: &Face, triangles: &[Triangle]) -> Self {
+        let first = side_from(start, &triangles[face.first as usize]);
+        let second = side_from(start, &triangles[face.second as usize]);
+        let near = first.near || second.near;
+        let mut base = if near { NEAR_SCALE } else { 1.0 };
+        let mut scale = base / first.error.max(second.error).max(1e-30);
+        if first.below != (second.below != (face.turned == 1)) {
+            (scale, base) = (0.0, 1.0);
+        }
+        let sides = if face.first == face.second {
+            vec![first.u, first.v, first.w]
+        } else {
+            let (of_first, of_second) = (face.seams & 3, face.seams >> 2);
+            vec![
+                if of_first == 0 { first.v } else { first.u },
+                if of_first == 2 { first.v } else { first.w },
+                if of_second == 0 { second.v } else { second.u },
+                if of_second == 2 { second.v } else { second.w },
+            ]
+        };
+        Self { sides: sides.into_iter().map(|side| side * scale).collect(), base }
+    }
+
+    /// Of a direction whose components add up to 1.74 at most, without their signs.
+    pub fn verdict(&self, direction: Vec3) -> Verdict {
+        let least = self.sides.iter().map(|side| dot3(*side, direction) + self.base).fold(f32::MAX, f32::min);
+        match least {
+            least if least > WITHIN => Verdict::Within,
+            least if least >= 0.0 => Verdict::Unsure,
+            _ => Verdict::Outside,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::Corners;
+    use crate::pack::faces;
+    use crate::reference::intersect::any_of_triangle;
+    use crate::reference::ray::Ray;
+    use crate::reference::slabs::slabs_of;
+    use crate::reference::testing::{Random, Scene};
+    use crate::reference::{Choices, Inputs, Traversal};
+
+    /// A parallelogram, up to a thousand times as long as wide, a kite, a trapezoid or a lone triangle, of any size.
+    fn corners_of(random: &mut Random, kind: u32) -> Vec<Corners> {
+        let size = 0.3 * 10f32.powf(-3.0 * random.unit());
+        let u = random.direction() * size;
+        let v = u.cross(random.direction()).normalize_or(Vec3::X) * size * 10f32.powf(-3.0 * random.unit());
+        let a = random.point() * 0.6;
+        let (b, d) = (a + u, a + v + u * random.signed());
+        let c = match kind {
+            0 => d + u,
+            1 => d + u * (0.7 + 0.6 * random.unit()),
+            _ => d + u * 0.9 + v * 0.1 * random.signed(),
+        };
+        let corners =
+            |[a, b, c]: [Vec3; 3]| Corners { a: a.into(), b: b.into(), c: c.into(), ..Corners::default() };
+        let second = if random.below(2) == 0 { [a, c, d] } else { [c, a, d] };
+        let both = [corners([a, b, c]), corners(second)];
+        both[..if kind == 3 { 1 } else { 2 }].to_vec()
+    }
+
+    /// What is said to be within or outside is so by the exact test, for rays aimed at edges and corners from anywhere, from next to the plane
+    /// and from next to a corner; and few of those that go anywhere are not sure.
+    #[test]
+    fn sure_verdicts_are_those_of_the_exact_test() {
+        let mut random = Random::new(77);
+        let (mut quads, mut unsure, mut anywhere) = (0, 0, 0);
+        let mut seen = [0u32; 3];
+        for round in 0..4_000 {
+            let corners = corners_of(&mut random, round % 4);
+            let (triangles, points): (Vec<_>, Vec<_>) = corners
+                .iter()
+                .enumerate()
+                .map(|(id, corners)| {
+                    let [a, b, c] = [corners.a, corners.b, corners.c].map(Vec3::from);
+                    (Triangle::new(a.into(), id as u32, (b - a).into(), (c - a).into()), [a, b, c])
+                })
+                .unzip();
+            let faces = faces(&corners);
+            quads += faces[0].second;
+            let scene = Scene::of(triangles.clone());
+            let inputs = scene.by(Traversal::Brute);
+            // In the order of the faces, not of the tree.
+            let choices = Choices { conservative: true, watertight: false, ..inputs.choices };
+            let inputs = Inputs { triangles: &triangles, choices, ..inputs };
+            for _ in 0..60 {
+                let corners = points[random.below(points.len() as u32) as usize];
+                let [p, q, r] = [0, 1, 2].map(|i| corners[(i + random.below(3) as usize) % 3]);
+                let close = 10f32.powf(-8.0 * random.unit());
+                let from = random.below(4);
+                let start = match from {
+                    0 => {
+                        p + (q - p) * random.signed() * 3.0
+                            + (r - p) * random.signed()
+                            + random.point() * close
+                    }
+                    1 => p + random.point() * close,
+                    _ => random.point(),
+                };
+                let aimed = random.below(8) != 0;
+                let target =
+                    p + (q - p) * random.unit() + random.point() * 10f32.powf(-4.0 - 5.0 * random.unit());
+                let direction =
+                    if aimed { (target - start).normalize_or(Vec3::Z) } else { random.direction() };
+                let ray = Ray { origin: start, direction, t_max: f32::MAX };
+                let slabs = slabs_of(&ray, true);
+                for face in &faces[1..] {
+                    let exact = [face.first, face.second]
+                        .iter()
+                        .any(|&index| any_of_triangle(&inputs, &ray, &slabs, index));
+                    let verdict = Edges::from(start, face, &triangles).verdict(direction);
+                    seen[verdict as usize] += 1;
+                    let said =
+                        format!("round {round}: {verdict:?} of {face:?}, {exact}: {ray:?} {corners:?}");
+                    assert!(verdict != Verdict::Within || exact, "{said}");
+                    assert!(verdict != Verdict::Outside || !exact, "{said}");
+                    if !aimed && from > 1 {
+                        anywhere += 1;
+                        unsure += u32::from(verdict == Verdict::Unsure);
+                    }
+                }
+            }
+        }
+        assert!(quads > 800, "{quads}");
+        assert!(seen.iter().all(|&count| count > 10_000), "{seen:?}");
+        assert!(unsure * 100 < anywhere, "{unsure} of {anywhere} are not sure");
+    }
+}
