@@ -269,6 +269,7 @@ fn scaling_tells_what_it_cannot_do() {
         assert!(output.status.code() == Some(2) && said.contains(text), "{arguments:?}: {said}");
     };
     refused(&["cornell"], "does not come in every number of triangles");
+    refused(&["terrain:10000001"], "more than the 10000000 triangles");
     refused(&["no-such-scene.obj"], "choose one of maison");
     refused(&["terrain:many"], "no number of triangles after the colon");
     refused(&["--rays", "random"], "cannot be used with");

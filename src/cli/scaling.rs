@@ -9,7 +9,7 @@ use super::progress::RowMeter;
 use super::session;
 use crate::error::{Error, Result};
 use crate::lab::bench::schedule::Effort;
-use crate::lab::scaling::{self, Fit, LeftOut, Options, Row, Study, Watch, fits};
+use crate::lab::scaling::{self, Fit, LeftOut, MOST_TRIANGLES, Options, Row, Study, Watch, fits};
 use crate::report::atomic::{Output, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::{scaling as shown, scaling_plot};
@@ -95,6 +95,9 @@ fn kind(name: &str) -> Result<(&'static SceneKind, Option<u64>)> {
     };
     match most.map(str::parse::<u64>) {
         None => Ok((found, None)),
+        Some(Ok(most)) if most > MOST_TRIANGLES => Err(Error::usage(format!(
+            "{name} asks for more than the {MOST_TRIANGLES} triangles that --scaling goes up to: name no more than these."
+        ))),
         Some(Ok(most)) if most > 0 => Ok((found, Some(most))),
         Some(_) => Err(Error::usage(format!(
             "{name} has no number of triangles after the colon: write it as {kind}:1000000."

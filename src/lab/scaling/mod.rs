@@ -45,6 +45,8 @@ pub struct Options {
 
 /// Of the scene whose samples and pictures grow: as many of the numbers asked for as do not exceed this.
 const MIDDLE: u64 = 100_000;
+/// Most triangles of a scene; a quick look ends at [`MIDDLE`].
+pub const MOST_TRIANGLES: u64 = 10_000_000;
 /// Host memory that a triangle takes at the most, bytes, mesh and trees and arrays together (measured: 300 with 2 million).
 const HOST_BYTES: u64 = 500;
 /// `brute` is measured up to so many triangles: it takes as long for each ray as there are triangles.
@@ -58,7 +60,7 @@ impl Options {
     /// samples. `most`: no more triangles than this.
     pub fn new(kind: &'static SceneKind, most: Option<u64>, quick: bool, device: DeviceKind) -> Self {
         let on_cpu = device == DeviceKind::Cpu;
-        let most_triangles = most.unwrap_or(u64::MAX).min(if quick { 100_000 } else { 10_000_000 });
+        let most_triangles = most.unwrap_or(u64::MAX).min(if quick { MIDDLE } else { MOST_TRIANGLES });
         let mut triangles: Vec<u64> = [1_000, 10_000, 100_000, 1_000_000, 10_000_000]
             .into_iter()
             .filter(|n| *n <= most_triangles)
