@@ -3,8 +3,6 @@
 // every box around a triangle whose own box it meets, and never later: `grown_pad` of src/pack.rs says by how much.
 // Twin: src/reference/traverse/grown.rs.
 
-#include "children.glsl"
-
 // A ray crosses side p across an axis at p inverse + base.
 struct GrownRay {
     vec3 inverse;

@@ -1,7 +1,18 @@
 // Nodes with both children's boxes as floats, the same slab test as that of a triangle's own box.
 // Twin: src/reference/traverse/pair.rs.
 
-#include "children.glsl"
+#include "references.glsl"
+
+// A node's children, and where the ray enters and leaves their boxes: left in xy, right in zw.
+struct Children {
+    int left;
+    int right;
+    vec4 intervals;
+};
+
+bvec2 meets_pair(vec4 intervals, float t_max) {
+    return bvec2(max(intervals.x, 0.0) <= min(intervals.y, t_max), max(intervals.z, 0.0) <= min(intervals.w, t_max));
+}
 
 vec4 pair_intervals(Slabs slabs, PairNode node) {
     return vec4(slab_interval(slabs, node.left_min, node.left_max, ROBUST_SLABS),
