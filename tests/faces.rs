@@ -161,6 +161,7 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
                     let brute = decision(device, &geometry, Method::Brute, Passes::Split, sampler);
                     let plan = plan_decided(device, scene, &geometry, job.clone(), &brute);
                     assert_eq!(plan.kernels[2].name, "ambient_list/brute/ssbo");
+                    assert!(plan.face_corners.is_some(), "faces are not packed");
                     let plan = plan.with_constant(SPEC_SAMPLE_LANES, lanes);
                     let outcome = run(device, &plan);
                     let what = format!("scene {number}, {sampler:?}, {max_distance:?}, {lanes} lanes");

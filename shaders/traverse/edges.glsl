@@ -1,11 +1,12 @@
-// All faces against rays that start at one point: a pixel's ambient rays, or the camera's. Seen from there a face is what the planes through the point and its edges
-// enclose, and whether a direction lies within is the sign of a product for each edge (edge functions: Pineda, "A Parallel
-// Algorithm for Polygon Rasterization", 1988; in three dimensions: Davidovic, Engelhardt, Georgiev, Slusallek and Dachsbacher, "3D
-// Rasterization: A Bridge between Rasterization and Ray Casting", 2012). They are found once for all of a pixel's rays. A ray clearly within some face is occluded, one
-// clearly outside of all is not, and what is left, next to an edge or in a plane, is asked of the exact test: so the
-// answers are those of `any_hit`.
+// All faces against rays that start at one point: a pixel's ambient rays, or the camera's. Seen from there a face is what the
+// planes through the point and its edges enclose, and whether a direction lies within is the sign of a product for each edge
+// (edge functions: Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988; in three dimensions: Davidovic, Engelhardt,
+// Georgiev, Slusallek and Dachsbacher, "3D Rasterization: A Bridge between Rasterization and Ray Casting", 2012). They are found
+// once for all of a pixel's rays. A ray clearly within some face is occluded, one clearly outside of all is not, and what is
+// left, next to an edge or in a plane, is asked of the exact test: so the answers are those of `any_hit`.
 //
 // Only for the conservative intersector, since no ray passes between two triangles of a face then.
+// Twin: src/reference/traverse/edges.rs.
 
 // Edge functions are measured in the most that rounding may change them, and moved up by 1, so that below 0 a direction is
 // outside and above 2 within. In sizes of start, edges and direction that is 2^-17: eight times S, what `error_of` grants
@@ -21,7 +22,9 @@
 
 // Whether faces are there for these choices: otherwise nothing stands where their number does. Of bounded rays nothing
 // would be sure.
-bool takes_faces(bool bounded) { return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !bounded && load_face(0u).first > 0u; }
+bool takes_faces(bool bounded) {
+    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !bounded && load_face(0u).first > 0u;
+}
 
 // A triangle as seen from the start.
 struct Side {
@@ -77,7 +80,9 @@ Edges edges_from(vec3 start, Face face, bool sure) {
     }
     uint first_shared = face.seams & 3u;
     uint second_shared = face.seams >> 2;
-    if (face.second == face.first) return Edges(vec4(first.u * scale, base), vec4(first.v * scale, base), vec4(first.w * scale, base), vec4(0.0));
+    if (face.second == face.first) {
+        return Edges(vec4(first.u * scale, base), vec4(first.v * scale, base), vec4(first.w * scale, base), vec4(0.0));
+    }
     return Edges(vec4((first_shared == 0u ? first.v : first.u) * scale, base),
                  vec4((first_shared == 2u ? first.v : first.w) * scale, base),
                  vec4((second_shared == 0u ? second.v : second.u) * scale, base),
@@ -122,7 +127,8 @@ bool closest_together(bool works, Ray ray, inout Hit hit) {
         barrier();
         uint i = 0u;
         while (i < count) {
-            Edges edges = Edges(camera_edges[4u * i], camera_edges[4u * i + 1u], camera_edges[4u * i + 2u], camera_edges[4u * i + 3u]);
+            uint place = 4u * i;
+            Edges edges = Edges(camera_edges[place], camera_edges[place + 1u], camera_edges[place + 2u], camera_edges[place + 3u]);
             if (works && least_of_four(edges, direction) >= 0) {
                 Face face = load_face(1u + first + i);
                 closest_of_triangle(ray, slabs, int(face.first), hit);

@@ -30,11 +30,11 @@ pub struct Decision {
     pub reasons: Vec<Reason>,
 }
 
-/// Up to this many triangles all of them are tested: a tree wins from 8 on (measured on boxes of 8, 16 and more
+/// Up to this many triangles all of them are tested on any device; one by one, a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
 /// Up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for all of a pixel's rays, is the fastest on a GPU
-/// (measured on an H100 at 64 samples: 1.5 times the rate of `entry` on Cornell with 64 edges and a cost of 12.3, 1.0 with 54 and 5.9,
+/// (measured on an H100 at 64 samples: 1.5 times the rate of `entry` on Cornell with 66 edges and a cost of 12.3, 1.0 with 54 and 5.9,
 /// 0.85 with 96 and 6.6, 0.7 with 216 and 9.3).
 const EDGES_FOR_COST: f64 = 9.5;
 /// Samples of a camera ray from which that pays (there, 1.4 times the rate of the next best at 16, 0.7 times at 12).
