@@ -375,6 +375,7 @@ fn node_layout(row: &Row) -> Result<&'static str, Failure> {
         "threaded" => "Threaded",
         "threaded48" => "Threaded48",
         "pair" => "Pair",
+        "centred" => "Centred",
         "wide" => "Wide",
         "quad" => "Quad",
         "faces" => "Faces",

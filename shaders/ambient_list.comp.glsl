@@ -47,6 +47,10 @@ uint overflowed;
 #define COMPUTES_ALL false
 #endif
 
+// All samples of an invocation are of one half where an even number of invocations takes them in turn: its seed is found once.
+#define KEEPS_HALF (SAMPLER == SAMPLER_SOBOL && REPEAT == 0u && SAMPLE_LANES % 2u == 0u)
+uvec2 half_seed;
+
 bool any_left() { return sample_next < sample_end; }
 
 bool next_any(out Ray ray, out bool occluded, out uint id) {
@@ -57,7 +61,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     bool more = any_left();
     sample_next += more ? SAMPLE_LANES : 0u;
     if (more || COMPUTES_ALL) {
-        vec2 u = sample_numbers(pixel, id, budget, lcg_state);
+        vec2 u = KEEPS_HALF ? sobol_point(half_seed, id, budget) : sample_numbers(pixel, id, budget, lcg_state);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }
@@ -134,6 +138,7 @@ void main() {
         first_sample = sample_next;
         asked = max(sample_end, sample_next) - sample_next;
         sample_next += lane;
+        if (KEEPS_HALF) half_seed = sobol_seed(pixel, sample_next);
         if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);

@@ -2,6 +2,7 @@
 // is deep. The answer to a pixel's ray stands at that pixel's place.
 #define USES_CLOSEST
 #define USES_ANY
+#define LISTS_RAYS
 #include "shared/scene.glsl"
 #include "shared/arith.glsl"
 #include "shared/ray.glsl"

@@ -23,6 +23,8 @@ pub enum NodeLayout {
     Threaded48,
     /// The boxes of both children.
     Pair,
+    /// The same by their centres.
+    Centred,
     /// Eight compressed children.
     Wide,
     /// Four children.

@@ -131,6 +131,18 @@ records! {
         right_max: vec3,
         pad1: uint,
     }
+    /// The same with each box as its centre and half its size, grown for a test in fewer operations. In every axis the box
+    /// reaches from centre - half to centre + half.
+    CentredNode {
+        left_center: vec3,
+        left: int,
+        left_half: vec3,
+        right: int,
+        right_center: vec3,
+        pad0: uint,
+        right_half: vec3,
+        pad1: uint,
+    }
     /// Eight children with boxes of 8 bits a side. Along axis k of scale s = 2^(byte k of `scales` - 127) a side of
     /// slot i is origin + s q, where q is byte i mod 4 of the word of slots 0 to 3, or of 4 to 7. Byte 3 of `scales`
     /// has bit i set where slot i is filled, with a reference as in [`PairNode`].
@@ -416,6 +428,8 @@ constants! {
     SPEC_CONSERVATIVE = 13;
     /// Lanes that share a listed pixel's samples.
     SPEC_SAMPLE_LANES = 14;
+    /// Ambient rays may have an end.
+    SPEC_BOUNDED = 15;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

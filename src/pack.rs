@@ -17,7 +17,9 @@ use crate::bvh::thread;
 use crate::bvh::wide::WideTree;
 use crate::bvh::{Aabb, Content, Tree};
 use crate::kernels::NodeLayout;
-use crate::layout::{LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode};
+use crate::layout::{
+    CentredNode, LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode,
+};
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
 /// box is flat and a ray that lies in a box's face is inside it.
@@ -54,10 +56,11 @@ const WATERTIGHT_PAD: f64 = 20.0 / 16_777_216.0;
 /// are lengths, and with D = L + R:
 /// - both tests' inverses are within 5 e of the exact one (a division may be off by 2.5 ulp), so 10 e of each other: 10 e D;
 /// - the own test rounds twice, and grows its exits by 16 e of what they are: 19 e D, or 2 e D at entries;
-/// - the fused one rounds the base, e R, the product, e L or not at all, and the sum, e D;
-/// - the grown sides round, e L and little more.
+/// - the fused one rounds the base, e R, the centre's product, e L or not at all, their sum, e D, half the size's product, again e L
+///   or not at all, and the crossing, e D;
+/// - the grown sides round, e L and little more; centres round, but halves are made to reach the sides.
 ///
-/// That is 32 e D at exits; the rest is spare.
+/// That is 34 e D at exits, with e (R + L + L) counted as 2 e D; the rest is spare.
 pub fn grown_pad(pad: f32, largest: f32, reach: f64) -> f32 {
     let largest = f64::from(largest);
     let grown = f64::from(pad) + (largest + largest.max(reach)) * FUSED_ERROR;
@@ -79,7 +82,7 @@ pub struct NodeArrays {
     pub threaded: Vec<ThreadedNode>,
     pub pair: Vec<PairNode>,
     /// For the fused test of `entry`.
-    pub grown: Vec<PairNode>,
+    pub grown: Vec<CentredNode>,
     pub wide: Vec<WideNode>,
     pub quad: Vec<QuadNode>,
 }
@@ -91,7 +94,7 @@ impl NodeArrays {
             single: nodes(tree, pad),
             threaded: threaded_nodes(tree, pad),
             pair: pair_nodes(tree, pad),
-            grown: pair_nodes(tree, grown),
+            grown: centred_nodes(tree, grown),
             wide: wide_nodes(&WideTree::new(tree), tree, pad),
             quad: quad_nodes(&QuadTree::new(tree), tree, pad),
         }
@@ -125,6 +128,7 @@ pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f
         NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
         NodeLayout::Pair => bytemuck::cast_slice(&pair_nodes(tree, pad)).to_vec(),
+        NodeLayout::Centred => bytemuck::cast_slice(&centred_nodes(tree, pad)).to_vec(),
         NodeLayout::Wide => bytemuck::cast_slice(&wide_nodes(collapsed.wide(tree), tree, pad)).to_vec(),
         NodeLayout::Quad => bytemuck::cast_slice(&quad_nodes(collapsed.quad(tree), tree, pad)).to_vec(),
     }
@@ -139,6 +143,7 @@ pub fn node_array_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed) 
         NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,
         NodeLayout::Pair => (nodes / 2).max(1) * size_of::<PairNode>() as u64,
+        NodeLayout::Centred => (nodes / 2).max(1) * size_of::<CentredNode>() as u64,
         NodeLayout::Wide => (collapsed.wide(tree).nodes.len() * size_of::<WideNode>()) as u64,
         NodeLayout::Quad => (collapsed.quad(tree).nodes.len() * size_of::<QuadNode>()) as u64,
     }
@@ -185,7 +190,7 @@ pub fn threaded_nodes48(tree: &Tree, pad: f32) -> Vec<ThreadedNode48> {
         .collect()
 }
 
-/// Nodes for `ordered`, `entry`, `packet` and `postponed`.
+/// Nodes for `ordered`, `packet` and `postponed`.
 pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
     let inner = InnerNodes::of(tree);
     let child = |index: u32| (grown(&tree.nodes[index as usize].bounds, pad), inner.reference(tree, index));
@@ -209,6 +214,29 @@ pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
         PairNode { left_min, left, left_max, right, right_min, pad0: 0, right_max, pad1: 0 }
     });
     nodes.collect()
+}
+
+/// Nodes for `entry`: the same boxes by their centres.
+pub fn centred_nodes(tree: &Tree, pad: f32) -> Vec<CentredNode> {
+    let centred = |node: &PairNode| {
+        let (left_center, left_half) = centred_box(node.left_min, node.left_max);
+        let (right_center, right_half) = centred_box(node.right_min, node.right_max);
+        let PairNode { left, right, .. } = *node;
+        CentredNode { left_center, left, left_half, right, right_center, pad0: 0, right_half, pad1: 0 }
+    };
+    pair_nodes(tree, pad).iter().map(centred).collect()
+}
+
+/// A box's centre, and half its size as it is seen from there, rounded up.
+fn centred_box(pmin: [f32; 3], pmax: [f32; 3]) -> ([f32; 3], [f32; 3]) {
+    let center = [0, 1, 2].map(|axis| pmin[axis] * 0.5 + pmax[axis] * 0.5);
+    let half = [0, 1, 2].map(|axis| {
+        let middle = f64::from(center[axis]);
+        let exact = (f64::from(pmax[axis]) - middle).max(middle - f64::from(pmin[axis]));
+        let rounded = exact as f32;
+        if f64::from(rounded) < exact { rounded.next_up() } else { rounded }
+    });
+    (center, half)
 }
 
 /// The inner nodes of a tree as the records with both children's boxes number them: the root first, each before its

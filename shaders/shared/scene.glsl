@@ -22,6 +22,12 @@ CONSTANT(SPEC_MARKS_MISSES, bool, MARKS_MISSES, true);
 CONSTANT(SPEC_WATERTIGHT, bool, WATERTIGHT, false);
 // No triangle is missed that the exact ray meets.
 CONSTANT(SPEC_CONSERVATIVE, bool, CONSERVATIVE, false);
+// Ambient rays may have an end; those of a list have each their own.
+#ifdef LISTS_RAYS
+#define BOUNDED true
+#else
+CONSTANT(SPEC_BOUNDED, bool, BOUNDED, true);
+#endif
 
 #ifdef ACCESSOR_UNIFORM
 UNIFORM_BLOCK(BINDING_TRIANGLES) TriangleBlock { uvec4 triangle_words[3u * UNIFORM_TRIANGLES]; };
@@ -46,6 +52,8 @@ STORAGE_BLOCK(BINDING_TRIANGLES) readonly buffer TriangleBlock { uvec4 triangle_
 Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
 #elif defined(NODES_PAIR)
 PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
+#elif defined(NODES_CENTRED)
+CentredNode load_centred(int i) { LOAD_CentredNode(NODE_WORD, uint(i)) }
 #elif defined(NODES_FACES)
 Face load_face(uint i) { LOAD_Face(NODE_WORD, i) }
 #elif defined(NODES_WIDE)

@@ -65,13 +65,21 @@ uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
 
 // A pixel has two sequences under seeds of their own, one for each half of its samples. A seed's low bits turn the first
 // digits, and pcg4d's low bits are its weak ones, alike in pixels whose numbers are near: so its halves change places.
-vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {
+uvec2 sobol_seed(uint pixel, uint sample_index) {
     uvec4 words = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
     uvec4 seeds = (words << 16) | (words >> 16);
-    uvec2 seed = (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
+    return (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
+}
+
+// `seed`: that of the sample's half.
+vec2 sobol_point(uvec2 seed, uint sample_index, uvec2 set) {
     uint index = sample_index >> 1;
     uint samples = set.y - set.x;
     bool whole_net = REPEAT == 0u && samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
     if (whole_net) index = sobol_index(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
     return unit_floats(sobol_bits(index, seed));
+}
+
+vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {
+    return sobol_point(sobol_seed(pixel, sample_index), sample_index, set);
 }

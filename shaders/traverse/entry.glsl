@@ -17,9 +17,9 @@
 // Farther than any scene.
 #define EVERYWHERE 1e30
 
-// The entries: lower corner of the box and reference, upper corner.
-shared vec4 entry_min[ENTRIES];
-shared vec4 entry_max[ENTRIES];
+// The entries: centre of the box and reference, half its size.
+shared vec4 entry_center[ENTRIES];
+shared vec4 entry_half[ENTRIES];
 shared uint entry_turn[ENTRIES];
 shared uint entry_count;
 // The box of the starts, in floats' own order.
@@ -36,25 +36,31 @@ float from_ordered_bits(uint bits) { return uintBitsToFloat((bits >> 31) == 1u ?
 
 // How early an entry's turn comes, the smallest first: its distance from the starts, in sizes of its own.
 float turn_of(uint entry, vec3 low, vec3 high) {
-    vec3 pmin = entry_min[entry].xyz;
-    vec3 pmax = entry_max[entry].xyz;
-    vec3 gap = max(max(pmin - high, low - pmax), vec3(0.0));
-    vec3 size = pmax - pmin;
+    vec3 center = entry_center[entry].xyz;
+    vec3 size = entry_half[entry].xyz;
+    vec3 gap = max(max(center - size - high, low - center - size), vec3(0.0));
     return dot(gap, gap) / max(size.x * size.y + size.y * size.z + size.z * size.x, 1e-30);
 }
 
-void store_entry(uint entry, vec3 pmin, vec3 pmax, int reference) {
-    entry_min[entry] = vec4(pmin, intBitsToFloat(reference));
-    entry_max[entry] = vec4(pmax, 0.0);
+void store_entry(uint entry, vec3 center, vec3 extent, int reference) {
+    entry_center[entry] = vec4(center, intBitsToFloat(reference));
+    entry_half[entry] = vec4(extent, 0.0);
 }
 
-int entry_reference(uint entry) { return floatBitsToInt(entry_min[entry].w); }
+int entry_reference(uint entry) { return floatBitsToInt(entry_center[entry].w); }
+
+// Whether its box and that of the starts have a point in common.
+bool holds_starts(uint entry, vec3 low, vec3 high) {
+    vec3 center = entry_center[entry].xyz;
+    vec3 extent = entry_half[entry].xyz;
+    return all(lessThanEqual(center - extent, high)) && all(greaterThanEqual(center + extent, low));
+}
 
 // Opens the nodes around the starts of the invocations that have work. Every invocation of the workgroup calls this.
 void find_entries(bool works, vec3 start) {
     uint lane = gl_LocalInvocationIndex;
     if (lane == 0u) {
-        store_entry(0u, vec3(-EVERYWHERE), vec3(EVERYWHERE), ROOT);
+        store_entry(0u, vec3(0.0), vec3(EVERYWHERE), ROOT);
         entry_count = 1u;
     }
     if (lane < 3u) {
@@ -77,13 +83,12 @@ void find_entries(bool works, vec3 start) {
         // An entry that is opened becomes its left child; the right one is added.
         if (lane < count) {
             int reference = entry_reference(lane);
-            bool holds = all(lessThanEqual(entry_min[lane].xyz, high)) && all(greaterThanEqual(entry_max[lane].xyz, low));
-            if (reference >= 0 && holds) {
+            if (reference >= 0 && holds_starts(lane, low, high)) {
                 uint place = atomicAdd(entry_count, 1u);
                 if (place < ENTRIES) {
-                    PairNode node = load_pair(reference);
-                    store_entry(lane, node.left_min, node.left_max, node.left);
-                    store_entry(place, node.right_min, node.right_max, node.right);
+                    CentredNode node = load_centred(reference);
+                    store_entry(lane, node.left_center, node.left_half, node.left);
+                    store_entry(place, node.right_center, node.right_half, node.right);
                 }
             }
         }
@@ -93,8 +98,8 @@ void find_entries(bool works, vec3 start) {
         more = grown != count && grown < ENTRIES;
         count = grown;
     }
-    vec4 own_min = entry_min[min(lane, count - 1u)];
-    vec4 own_max = entry_max[min(lane, count - 1u)];
+    vec4 own_center = entry_center[min(lane, count - 1u)];
+    vec4 own_half = entry_half[min(lane, count - 1u)];
     // Found once by one invocation for all: what is found twice may round twice. As bits they have an order whatever they are.
     uint turn = floatBitsToUint(turn_of(min(lane, count - 1u), low, high));
     if (lane < count) entry_turn[lane] = turn;
@@ -108,8 +113,8 @@ void find_entries(bool works, vec3 start) {
     }
     barrier();
     if (lane < count) {
-        entry_min[rank] = own_min;
-        entry_max[rank] = own_max;
+        entry_center[rank] = own_center;
+        entry_half[rank] = own_half;
     }
     if (lane == 0u) entry_count = count;
     barrier();
@@ -129,7 +134,7 @@ bool any_hit(Ray ray, inout bool occluded) {
     float t_max = box_limit(ray.t_max);
     bool finished = true;
     // Of bounded rays many candidates lie too far, which the exact test alone tells.
-    bool guards = ray.t_max < UNBOUNDED;
+    bool guards = BOUNDED && ray.t_max < UNBOUNDED;
     bool again = !occluded;
     int reference = NOTHING;
     while (again) {
@@ -137,7 +142,7 @@ bool any_hit(Ray ray, inout bool occluded) {
         uint count = entry_count;
         uint i = 0u;
         for (; i < count; i++) {
-            if (meets_grown(grown_ray, entry_min[i].xyz, entry_max[i].xyz, t_max)) waiting |= 1u << i;
+            if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
         }
         finished = i == count;
         int candidate = -1;
@@ -148,9 +153,9 @@ bool any_hit(Ray ray, inout bool occluded) {
             bool descends = false;
             if (reference >= 0) {
                 COUNT_VISIT();
-                PairNode node = load_pair(reference);
-                bool left = meets_grown(grown_ray, node.left_min, node.left_max, t_max);
-                bool right = meets_grown(grown_ray, node.right_min, node.right_max, t_max);
+                CentredNode node = load_centred(reference);
+                bool left = meets_grown(grown_ray, node.left_center, node.left_half, t_max);
+                bool right = meets_grown(grown_ray, node.right_center, node.right_half, t_max);
                 descends = left || right;
                 if (left && right) stack[top++] = node.right;
                 reference = left ? node.left : node.right;

@@ -3,6 +3,15 @@
 
 #include "references.glsl"
 
+#ifdef NODES_CENTRED
+// Its boxes by their sides, which round by far less than what those boxes are grown by.
+PairNode load_pair(int i) {
+    CentredNode node = load_centred(i);
+    return PairNode(node.left_center - node.left_half, node.left, node.left_center + node.left_half, node.right,
+                    node.right_center - node.right_half, 0u, node.right_center + node.right_half, 0u);
+}
+#endif
+
 // A node's children, and where the ray enters and leaves their boxes: left in xy, right in zw.
 struct Children {
     int left;

@@ -31,7 +31,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{
-    Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, QuadNode, RayRecord, SAMPLER_LCG, ThreadedNode,
+    CentredNode, Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, QuadNode, RayRecord, SAMPLER_LCG, ThreadedNode,
     Triangle, WideNode,
 };
 use crate::pack::NodeArrays;
@@ -107,7 +107,7 @@ impl Inputs<'_> {
     }
 
     /// With boxes grown for the fused test.
-    pub fn load_grown(&self, index: i32) -> &PairNode {
+    pub fn load_grown(&self, index: i32) -> &CentredNode {
         &self.tree.grown[index as usize]
     }
 

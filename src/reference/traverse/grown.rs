@@ -1,14 +1,13 @@
-//! Nodes with both children's boxes, tested in fewer operations. Twin of shaders/traverse/grown.glsl.
+//! Nodes with both children's boxes as centres and halves, tested in fewer operations. Twin of shaders/traverse/grown.glsl.
 
 use glam::Vec3;
 
 use super::children::Children;
-use crate::layout::PairNode;
-use crate::reference::arith::{max3, min3};
+use crate::layout::{CentredNode, PairNode};
 use crate::reference::ray::Ray;
 use crate::reference::slabs::at_least_smallest;
 
-/// A ray crosses side p across an axis at p inverse + base.
+/// A ray crosses the plane at p across an axis at p inverse + base.
 #[derive(Clone, Copy, Debug)]
 pub struct GrownRay {
     inverse: Vec3,
@@ -20,33 +19,44 @@ pub fn grown_ray_of(ray: &Ray) -> GrownRay {
     GrownRay { inverse, base: -ray.origin * inverse }
 }
 
-/// `sum`(side, inverse, base): side inverse + base, rounded once or twice.
+/// `sum`(a, b, c): a b + c, rounded once or twice.
 fn interval_by(
     ray: &GrownRay,
-    pmin: [f32; 3],
-    pmax: [f32; 3],
+    center: [f32; 3],
+    half: [f32; 3],
     sum: impl Fn(f32, f32, f32) -> f32,
 ) -> [f32; 2] {
-    let crossings =
-        |side: [f32; 3]| Vec3::from([0, 1, 2].map(|axis| sum(side[axis], ray.inverse[axis], ray.base[axis])));
-    let (t0, t1) = (crossings(pmin), crossings(pmax));
-    let (near, far) = (min3(t0, t1), max3(t0, t1));
-    [near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z)]
+    let middle = [0, 1, 2].map(|axis| sum(center[axis], ray.inverse[axis], ray.base[axis]));
+    let side = |sign: f32| {
+        Vec3::from([0, 1, 2].map(|axis| sum(sign * half[axis], ray.inverse[axis].abs(), middle[axis])))
+    };
+    [side(-1.0).max_element(), side(1.0).min_element()]
 }
 
-pub fn children(ray: &GrownRay, node: &PairNode) -> Children {
-    let interval = |pmin, pmax| interval_by(ray, pmin, pmax, |side, inverse, base| side * inverse + base);
+pub fn children(ray: &GrownRay, node: &CentredNode) -> Children {
+    let interval = |center, half| interval_by(ray, center, half, |a, b, c| a * b + c);
     [
-        (node.left, interval(node.left_min, node.left_max)),
-        (node.right, interval(node.right_min, node.right_max)),
+        (node.left, interval(node.left_center, node.left_half)),
+        (node.right, interval(node.right_center, node.right_half)),
     ]
+}
+
+/// The boxes by their sides, for the test of a triangle's own box.
+pub fn sides_of(node: &CentredNode) -> PairNode {
+    let sides = |center: [f32; 3], half: [f32; 3]| {
+        let (center, half) = (Vec3::from(center), Vec3::from(half));
+        ((center - half).to_array(), (center + half).to_array())
+    };
+    let (left_min, left_max) = sides(node.left_center, node.left_half);
+    let (right_min, right_max) = sides(node.right_center, node.right_half);
+    PairNode { left_min, left: node.left, left_max, right: node.right, right_min, pad0: 0, right_max, pad1: 0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bvh::Builder;
-    use crate::pack::{box_pad, grown_pad, pair_nodes};
+    use crate::pack::{box_pad, centred_nodes, grown_pad};
     use crate::reference::intersect::padded_box_of;
     use crate::reference::slabs::{slab_interval, slabs_of};
     use crate::reference::testing::{KINDS, REACH, Random, aimed_ray, triangles_of};
@@ -65,7 +75,7 @@ mod tests {
             let largest = pad * 2f32.powi(21);
             for distance in [0.0, 1.0, 30.0, 1e4] {
                 let reach = REACH + f64::from(largest * distance);
-                let nodes = pair_nodes(&tree, grown_pad(pad, largest, reach));
+                let nodes = centred_nodes(&tree, grown_pad(pad, largest, reach));
                 met += check_nodes(&nodes, &packed, pad, largest * distance, 80);
             }
         }
@@ -73,7 +83,7 @@ mod tests {
     }
 
     fn check_nodes(
-        nodes: &[PairNode],
+        nodes: &[CentredNode],
         triangles: &[crate::layout::Triangle],
         pad: f32,
         back: f32,
@@ -112,13 +122,13 @@ mod tests {
                         let mut step = Some((*place, *side));
                         while let Some((place, side)) = step {
                             let node = &nodes[place];
-                            let [pmin, pmax] =
-                                [[node.left_min, node.left_max], [node.right_min, node.right_max]][side];
+                            let [center, half] =
+                                [[node.left_center, node.left_half], [node.right_center, node.right_half]][side];
                             for fused in [false, true] {
                                 let around =
-                                    interval_by(&grown_ray, pmin, pmax, |side, inverse, base| match fused {
-                                        true => side.mul_add(inverse, base),
-                                        false => side * inverse + base,
+                                    interval_by(&grown_ray, center, half, |a, b, c| match fused {
+                                        true => a.mul_add(b, c),
+                                        false => a * b + c,
                                     });
                                 assert!(
                                     around[0].max(0.0) <= own[0].max(0.0) && around[1] >= own[1],

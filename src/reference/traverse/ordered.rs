@@ -7,7 +7,9 @@ use crate::reference::ray::{Hit, Ray};
 use crate::reference::slabs::slabs_of;
 
 pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> Hit {
-    near_first::closest_hit(inputs, ray, hit, &inputs.tree.pair)
+    near_first::closest_hit(inputs, ray, hit, |slabs, reference| {
+        pair::children(slabs, inputs.load_pair(reference))
+    })
 }
 
 pub fn any_hit(inputs: &Inputs, ray: &Ray) -> bool {
