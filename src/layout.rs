@@ -452,6 +452,9 @@ constants! {
     TILE_SIDE = 8;
     WORKGROUP_SIZE = 64;
 
+    /// Tiles that a workgroup of the list takes.
+    LIST_TILES = 4;
+
     /// Counters are spread over this many slots, so that workgroups seldom meet on one.
     COUNTER_SLOTS = 64;
 

@@ -45,6 +45,9 @@ const SPLIT_FROM_SAMPLES: u32 = 8;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
 /// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
+/// From this many triangles on it is again, with its small nodes, if no kernel of its own takes the ambient rays (there, at 4 samples, 1.28 times
+/// the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.9 times on the arcade of 260,000).
+const WIDE_FROM: usize = 500_000;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
 /// on Mesa's software device: 1.1 to 2.4 times the rate of `wide` on Cornell, maison, bunny and arcade, 0.8 to 1 on the terrain of two million
@@ -209,6 +212,9 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Brute, why)
     } else if triangles <= WIDE_UP_TO && fewer_samples(wishes, MANY_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
+    } else if triangles >= WIDE_FROM && cost <= POSTPONED_FROM && fewer_samples(wishes, SPLIT_FROM_SAMPLES) {
+        let why = format!("{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read");
+        (Method::Wide, why)
     } else if cost > POSTPONED_FROM && votes.is_ok() {
         let why = format!(
             "SAH cost {cost:.0}, above {POSTPONED_FROM}: where rays meet many leaves, they wait for one another"
