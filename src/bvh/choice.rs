@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::time::Instant;
 
 use super::progress::Progress;
-use super::walk_cost::{AmbientRays, RAYS, WalkCost};
+use super::walk_cost::{AmbientRays, POINTS, WalkCost};
 use super::{Builder, Tree, in_pool, reinsert, sah};
 use crate::layout::Triangle;
 
@@ -78,7 +78,7 @@ fn cheaper(triangles: &[Triangle], progress: &Progress) -> Built {
     };
     let improving_ms = begin.elapsed().as_secs_f64() * 1e3;
     let counted = Instant::now();
-    let rays = AmbientRays::new(triangles, RAYS);
+    let rays = AmbientRays::new(triangles, POINTS);
     let costs = rays.and_then(|rays| Some((rays.cost(&tree)?, rays.cost(&other)?)));
     let Some((sah, reinsert)) = costs else {
         return kept(tree);
