@@ -24,25 +24,32 @@ impl From<Builder> for Wanted {
 
 /// What ambient rays cost in either tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Weighed {
+pub struct Costs {
     pub sah: WalkCost,
     pub reinsert: WalkCost,
-    /// Time that it took beyond building the tree that was taken, ms.
-    pub beside_ms: f64,
 }
 
-impl Weighed {
+impl Costs {
     /// The cheaper one's builder.
     pub fn builder(&self) -> Builder {
         if self.reinsert.total() < WORTH * self.sah.total() { Builder::Reinsert } else { Builder::Sah }
     }
 }
 
+/// How both trees were tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weighed {
+    /// None where reinsertion gained too little to count.
+    pub costs: Option<Costs>,
+    /// Time that it took beyond building the tree that was taken, ms.
+    pub beside_ms: f64,
+}
+
 /// A tree and how it was chosen.
 pub struct Built {
     pub tree: Tree,
     pub builder: Builder,
-    /// None where nothing was counted, or where there was no other tree.
+    /// None where there was nothing to choose.
     pub weighed: Option<Weighed>,
 }
 
@@ -71,27 +78,19 @@ pub fn build_wanted(wanted: Wanted, triangles: &[Triangle], progress: &(dyn Fn(f
 fn cheaper(triangles: &[Triangle], progress: &Progress) -> Built {
     let first = |part| progress.reach(0.3 * part);
     let tree = sah::build(triangles, &Progress::new(triangles.len(), &first));
-    let kept = |tree| Built { tree, builder: Builder::Sah, weighed: None };
     let begin = Instant::now();
-    let Some(other) = reinsert::improved(&tree, triangles, GAINS, progress) else {
-        return kept(tree);
+    let other = reinsert::improved(&tree, triangles, GAINS, progress);
+    let counting = Instant::now();
+    let costs = other.as_ref().and_then(|other| {
+        let rays = AmbientRays::new(triangles, POINTS)?;
+        Some(Costs { sah: rays.cost(&tree)?, reinsert: rays.cost(other)? })
+    });
+    let ms_since = |instant: Instant| instant.elapsed().as_secs_f64() * 1e3;
+    let (tree, builder, beside_ms) = match (other, costs.map(|costs| costs.builder())) {
+        (Some(other), Some(Builder::Reinsert)) => (other, Builder::Reinsert, ms_since(counting)),
+        _ => (tree, Builder::Sah, ms_since(begin)),
     };
-    let improving_ms = begin.elapsed().as_secs_f64() * 1e3;
-    let counted = Instant::now();
-    let rays = AmbientRays::new(triangles, POINTS);
-    let costs = rays.and_then(|rays| Some((rays.cost(&tree)?, rays.cost(&other)?)));
-    let Some((sah, reinsert)) = costs else {
-        return kept(tree);
-    };
-    let counting_ms = counted.elapsed().as_secs_f64() * 1e3;
-    let weighed = Weighed { sah, reinsert, beside_ms: counting_ms };
-    match weighed.builder() {
-        Builder::Sah => {
-            let weighed = Weighed { beside_ms: counting_ms + improving_ms, ..weighed };
-            Built { weighed: Some(weighed), ..kept(tree) }
-        }
-        builder => Built { tree: other, builder, weighed: Some(weighed) },
-    }
+    Built { tree, builder, weighed: Some(Weighed { costs, beside_ms }) }
 }
 
 #[cfg(test)]
@@ -114,10 +113,10 @@ mod tests {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| wanted(Wanted::Cheaper, &triangles))
             });
-            let [weighed, other] = built.each_ref().map(|built| built.weighed.unwrap());
+            let [weighed, other] = built.each_ref().map(|built| built.weighed.unwrap().costs.unwrap());
             println!("{name}: {weighed:?}");
             assert_eq!(built[0].builder, expected, "{name}: {weighed:?}");
-            assert_eq!((weighed.sah, weighed.reinsert), (other.sah, other.reinsert), "{name}");
+            assert_eq!(weighed, other, "{name}");
             let named = wanted(expected.into(), &triangles);
             assert_eq!((named.builder, named.weighed), (expected, None));
             assert!(
@@ -132,9 +131,12 @@ mod tests {
         let few = soup(80, *TRIED.start() - 1, 0.3);
         let terrain = procedural("terrain", Some(20_000));
         let without_area = vec![Triangle::default(); 1000];
-        for (what, triangles) in [("few", few), ("terrain", terrain), ("no area", without_area)] {
+        for (what, triangles, weighed) in
+            [("few", few, None), ("terrain", terrain, Some(None)), ("no area", without_area, Some(None))]
+        {
             let built = wanted(Wanted::Cheaper, &triangles);
-            assert_eq!((built.builder, built.weighed), (Builder::Sah, None), "{what}");
+            assert_eq!(built.builder, Builder::Sah, "{what}");
+            assert_eq!(built.weighed.map(|weighed| weighed.costs), weighed, "{what}");
             assert!(built.tree == super::super::build(Builder::Sah, &triangles, &|_| ()), "{what}");
         }
     }

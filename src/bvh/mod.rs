@@ -26,7 +26,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
-pub use choice::{Built, Wanted, Weighed, build_wanted};
+pub use choice::{Built, Costs, Wanted, Weighed, build_wanted};
 
 use crate::layout::Triangle;
 use crate::names::choices;

@@ -183,9 +183,12 @@ fn why_builder(wishes: &Wishes, geometry: &Geometry) -> String {
         };
         return why.into();
     };
+    let Some(costs) = &weighed.costs else {
+        return "the surface area heuristic: reinsertion gains next to nothing here".into();
+    };
     let (taken, other, name) = match geometry.builder {
-        Builder::Reinsert => (weighed.reinsert, weighed.sah, Builder::Sah),
-        _ => (weighed.sah, weighed.reinsert, Builder::Reinsert),
+        Builder::Reinsert => (costs.reinsert, costs.sah, Builder::Sah),
+        _ => (costs.sah, costs.reinsert, Builder::Reinsert),
     };
     format!(
         "an ambient ray visits {:.1} nodes and tests {:.1} triangles, as counted; {:.1} and {:.1} with {name}",

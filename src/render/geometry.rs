@@ -25,7 +25,7 @@ const FEW_TRIANGLES: usize = 256;
 /// Placed triangles and the tree over them.
 pub struct Geometry {
     pub builder: Builder,
-    /// What rays cost in the trees that were tried, where nobody named one.
+    /// How two trees were tried, where nobody named a builder.
     pub weighed: Option<Weighed>,
     pub placement: Placement,
     /// In the order of the tree's leaves.
