@@ -16,7 +16,8 @@ use cousu::scene::Scene;
 use cousu::vk::{Device, DeviceKind};
 
 const SIZE: (u32, u32) = (40, 25);
-const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
+const BUILDERS: [Builder; 5] =
+    [Builder::Midpoint, Builder::Sah, Builder::Reinsert, Builder::Ploc, Builder::Sbvh];
 const PASSES: [Passes; 3] = [Passes::Single, Passes::Split, Passes::Staged];
 const ACCESSORS: [Accessor; 3] = [Accessor::StorageBuffer, Accessor::TexelBuffer, Accessor::Address];
 // Each accumulator and each sampler; `lcg` and the strata, whose numbers depend on more than pixel and sample, several times.

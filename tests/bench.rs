@@ -222,7 +222,7 @@ fn scaling_tells_of_every_study() {
     let mut triangles: Vec<u64> = of("load").iter().map(|row| row["triangles"].as_u64().unwrap()).collect();
     triangles.dedup();
     assert_eq!(triangles, [968, 9800, 20_000], "squares of two triangles, no more than asked for");
-    assert_eq!(of("build").len(), 3 * 4, "four builders");
+    assert_eq!(of("build").len(), 3 * 5, "five builders");
     let frames = of("triangles");
     assert_eq!(frames.len(), 3 * 2, "two methods");
     for pair in frames.chunks(2) {

@@ -1,13 +1,16 @@
 //! Trees of boxes over triangles: builders and what is computed from a tree. No GPU in here.
 
 mod bins;
+mod choice;
 mod clip;
+mod hash;
 pub mod midpoint;
 mod part;
 pub mod ploc;
 mod progress;
 pub mod quad;
 pub mod quality;
+pub mod reinsert;
 pub mod sah;
 pub mod sbvh;
 mod spatial;
@@ -16,11 +19,14 @@ pub mod stack;
 mod tests;
 pub mod thread;
 pub mod validate;
+pub mod walk_cost;
 pub mod wide;
 
 use std::sync::OnceLock;
 
 use glam::Vec3;
+
+pub use choice::{Built, Costs, Wanted, Weighed, build_wanted};
 
 use crate::layout::Triangle;
 use crate::names::choices;
@@ -33,6 +39,8 @@ choices! {
         Midpoint = "midpoint",
         /// Top-down by the surface area heuristic over bins.
         Sah = "sah",
+        /// `sah`, then subtrees moved to where they cost less (parallel reinsertion: Meister and Bittner, 2018).
+        Reinsert = "reinsert",
         /// Bottom-up by locally ordered clustering, then reinsertion.
         Ploc = "ploc",
         /// The surface area heuristic with spatial splits: a triangle may stand in several leaves.
@@ -43,22 +51,32 @@ choices! {
 /// Builds the tree of at least one triangle. The result does not depend on the number of threads. Calls
 /// `progress` now and then, from any thread, with the part done, in [0, 1].
 pub fn build(builder: Builder, triangles: &[Triangle], progress: &(dyn Fn(f64) + Sync)) -> Tree {
+    in_pool(triangles, progress, |counter| match builder {
+        Builder::Midpoint => midpoint::build(triangles),
+        Builder::Sah => sah::build(triangles, counter),
+        Builder::Reinsert => reinsert::build(triangles, counter),
+        Builder::Ploc => ploc::build(triangles, counter),
+        Builder::Sbvh => sbvh::build(triangles, counter),
+    })
+}
+
+/// Does the work on threads with deep stacks, and reports its begin and its end.
+fn in_pool<T: Send>(
+    triangles: &[Triangle],
+    progress: &(dyn Fn(f64) + Sync),
+    work: impl Fn(&Progress<'_>) -> T + Sync,
+) -> T {
     progress(0.0);
     let counter = Progress::new(triangles.len(), progress);
-    let work = || match builder {
-        Builder::Midpoint => midpoint::build(triangles),
-        Builder::Sah => sah::build(triangles, &counter),
-        Builder::Ploc => ploc::build(triangles, &counter),
-        Builder::Sbvh => sbvh::build(triangles, &counter),
-    };
+    let work = || work(&counter);
     // Whoever calls from a pool of threads has chosen it.
     let outside = rayon::current_thread_index().is_none();
-    let tree = match deep_pool().filter(|_| outside) {
+    let done = match deep_pool().filter(|_| outside) {
         Some(pool) => pool.install(work),
         None => work(),
     };
     progress(1.0);
-    tree
+    done
 }
 
 /// Stack of a thread that builds, bytes. While it waits for the other half of a subtree it takes up halves of others, so with

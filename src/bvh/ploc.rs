@@ -1,27 +1,15 @@
-//! Bottom-up by parallel locally ordered clustering (Meister and Bittner, 2018), then improved by parallel
-//! reinsertion (Meister and Bittner, 2018), both by the crate `obvhs`; then subtrees become leaves where the
-//! surface area heuristic finds that cheaper, of at most [`LEAF_LIMIT`] triangles.
+//! Bottom-up by parallel locally ordered clustering (Meister and Bittner, 2018) by the crate `obvhs`, then improved by
+//! reinsertion as in [`super::reinsert`].
 
-use glam::DVec3;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
-use rayon::prelude::*;
 
-use super::part::Part;
+use super::Tree;
 use super::progress::Progress;
-use super::sah::{self, Item};
-use super::{Aabb, BOX_COST, Content, TRIANGLE_COST, Tree, TreeNode, WEIGHED_LEVELS};
-use crate::layout::{LEAF_LIMIT, Triangle};
+use super::reinsert::{Emission, Rounds, clusters_of};
+use super::sah;
+use crate::layout::Triangle;
 
-/// A box as `obvhs` has it.
-type Cluster = obvhs::aabb::Aabb;
-
-/// Rounds of reinsertion, each of a part of the nodes that have the largest boxes.
-const ROUNDS: u32 = 8;
-
-/// The part of the nodes that the first round takes up; round n takes up an n-th of it.
-const FIRST_ROUND: f64 = 0.1;
+const ROUNDS: Rounds = Rounds { most: 8, first: 0.1, least_gain: f64::NEG_INFINITY };
 
 /// Builds the tree of at least one triangle.
 pub(super) fn build(triangles: &[Triangle], progress: &Progress) -> Tree {
@@ -39,139 +27,6 @@ pub(super) fn build(triangles: &[Triangle], progress: &Progress) -> Tree {
     );
     drop(clusters);
     progress.reach(0.3);
-    reinsert(&mut bvh, progress);
-    let mut part = Part::default();
-    Emission { bvh: &bvh, items: &mut items, progress }.subtree(0, 0, &mut part);
-    part.tree()
-}
-
-/// Boxes in units of the whole scene's, in [0, 1], where their surfaces neither overflow nor vanish. None if
-/// they are not finite, or if there is no tree to build of them.
-///
-/// Each side is moved outwards by a pseudo-random part of 2^-18. Clustering joins mutual nearest
-/// neighbours, and among equal distances a search takes the last: of a million equal boxes, or of boxes
-/// on a line, whose surface is 0, one pair would be joined a pass. Only the shape of the tree
-/// depends on these boxes, not the bounds in it.
-fn clusters_of(items: &[Item]) -> Option<Vec<Cluster>> {
-    let all = items.par_iter().map(|item| item.bounds).reduce(|| Aabb::EMPTY, |a, b| a.union(&b));
-    let finite = items.par_iter().all(|item| item.bounds.min.is_finite() && item.bounds.max.is_finite());
-    if items.len() < 2 || !finite {
-        return None;
-    }
-    let low = all.min.as_dvec3();
-    let size = (all.max.as_dvec3() - low).max_element();
-    let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-    let placed = |point: glam::Vec3| (point.as_dvec3() - low) * scale;
-    let cluster = |item: &Item| Cluster {
-        min: (placed(item.bounds.min) - jitter(2 * item.triangle)).as_vec3a(),
-        max: (placed(item.bounds.max) + jitter(2 * item.triangle + 1)).as_vec3a(),
-    };
-    Some(items.par_iter().map(cluster).collect())
-}
-
-/// Three numbers in [0, 2^-18), a hash of `seed`.
-fn jitter(seed: u32) -> DVec3 {
-    // The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
-    let z = (u64::from(seed) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    let bits = |shift: u32| ((z >> shift) & 0xffff) as f64 / 65536.0;
-    DVec3::new(bits(0), bits(16), bits(32)) * 2f64.powi(-18)
-}
-
-/// Moves subtrees to where they cost less. The candidates are chosen here and not by `obvhs`, whose order of
-/// equal ones depends on the number of threads.
-fn reinsert(bvh: &mut Bvh2, progress: &Progress) {
-    let mut optimizer = ReinsertionOptimizer::default();
-    let count = bvh.nodes.len();
-    for round in 1..=ROUNDS {
-        // The search's stack is as deep as this says.
-        bvh.max_depth = bvh.max_depth.max(depth(bvh) + 2);
-        let most = (count as f64 * FIRST_ROUND / f64::from(round)).ceil() as usize;
-        optimizer.run_with_candidates(bvh, &largest(bvh, most), 1);
-        progress.reach(0.3 + 0.6 * f64::from(round) / f64::from(ROUNDS));
-    }
-}
-
-/// The nodes with the largest boxes, without the root; the largest first.
-fn largest(bvh: &Bvh2, most: usize) -> Vec<u32> {
-    // A float without a sign is ordered as its bits, and no two keys are equal.
-    let area = |node: u32| u64::from(bvh.nodes[node as usize].aabb().half_area().max(0.0).to_bits());
-    let key = |node: u32| (!area(node) << 32) | u64::from(node);
-    let mut keys: Vec<u64> = (1..bvh.nodes.len() as u32).into_par_iter().map(key).collect();
-    let most = most.min(keys.len());
-    if most < keys.len() {
-        keys.select_nth_unstable(most);
-        keys.truncate(most);
-    }
-    keys.par_sort_unstable();
-    keys.into_iter().map(|key| key as u32).collect()
-}
-
-/// Levels below the root.
-fn depth(bvh: &Bvh2) -> usize {
-    let mut deepest = 0;
-    let mut open = vec![(0u32, 0usize)];
-    while let Some((node, level)) = open.pop() {
-        deepest = deepest.max(level);
-        let node = &bvh.nodes[node as usize];
-        if !node.is_leaf() {
-            open.extend([(node.first_index, level + 1), (node.first_index + 1, level + 1)]);
-        }
-    }
-    deepest
-}
-
-/// Writes a tree of `obvhs` as one of ours.
-struct Emission<'a> {
-    bvh: &'a Bvh2,
-    items: &'a mut [Item],
-    progress: &'a Progress<'a>,
-}
-
-impl Emission<'_> {
-    /// Adds the subtree of `node`; says where its root stands and what it costs: the sum of the surface
-    /// area heuristic, in half areas.
-    fn subtree(&mut self, node: u32, level: u32, part: &mut Part) -> (u32, f64) {
-        let source = self.bvh.nodes[node as usize];
-        if source.is_leaf() {
-            let item = self.items[self.bvh.primitive_indices[source.first_index as usize] as usize];
-            let root = part.leaf(item.bounds, std::iter::once(item.triangle));
-            return (root, item.bounds.half_area() * TRIANGLE_COST);
-        }
-        if level >= WEIGHED_LEVELS {
-            // A chain: halved instead, so that the tree stays shallow.
-            let mut chain = self.items_below(node);
-            return (sah::build_into(&mut chain, level, part, self.progress), f64::INFINITY);
-        }
-        let (first_node, first) = (part.nodes.len(), part.order.len());
-        let (left, left_cost) = self.subtree(source.first_index, level + 1, part);
-        let (right, right_cost) = self.subtree(source.first_index + 1, level + 1, part);
-        let root = part.inner(left, right);
-        let bounds = part.nodes[root as usize].bounds;
-        let area = bounds.half_area();
-        let apart = area * BOX_COST + left_cost + right_cost;
-        let count = part.order.len() - first;
-        let together = area * TRIANGLE_COST * count as f64;
-        if count > LEAF_LIMIT as usize || together > apart {
-            return (root, apart);
-        }
-        part.nodes.truncate(first_node);
-        let content = Content::Leaf { first: first as u32, count: count as u32 };
-        part.nodes.push(TreeNode { bounds, content });
-        (first_node as u32, together)
-    }
-
-    fn items_below(&self, root: u32) -> Vec<Item> {
-        let (mut items, mut open) = (Vec::new(), vec![root]);
-        while let Some(node) = open.pop() {
-            let node = &self.bvh.nodes[node as usize];
-            if node.is_leaf() {
-                items.push(self.items[self.bvh.primitive_indices[node.first_index as usize] as usize]);
-            } else {
-                open.extend([node.first_index, node.first_index + 1]);
-            }
-        }
-        items
-    }
+    ROUNDS.run(&mut bvh, progress);
+    Emission { bvh: &bvh, items: &mut items, progress }.tree()
 }

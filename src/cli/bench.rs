@@ -11,11 +11,11 @@ use super::progress::RowMeter;
 use super::session::{self, DeviceArguments};
 use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::lab::bench::rows::{Failure, Lists, Row, Spec};
+use crate::lab::bench::rows::{Failure, Lists, Row};
 use crate::lab::bench::schedule::Effort;
 use crate::lab::bench::table1::{self, TableRow, table1};
 use crate::lab::bench::{Bench, Options, RayKind, Subject, View, Watch};
-use crate::render::choices::{Method, Passes};
+use crate::render::choices::{Method, Passes, Wishes};
 use crate::render::geometry::Geometry;
 use crate::report::atomic::{Output, folder, refuse_overwriting};
 use crate::report::bench as shown;
@@ -328,9 +328,9 @@ impl Run {
 }
 
 impl Watch for Run {
-    fn build(&mut self, scene: &Scene, spec: &Spec) -> Result<Geometry> {
+    fn build(&mut self, scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
         self.meter.clear();
-        session::geometry(scene, &spec.wishes())
+        session::geometry(scene, wishes)
     }
 
     fn progress(&mut self, what: &str, done: usize, all: usize) {

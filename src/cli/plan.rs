@@ -33,12 +33,12 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let (_instance, adapter) = session::adapter(&arguments.device)?;
-    let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
     let wishes = Wishes {
         samples: Some(arguments.spp),
         bounded: arguments.max_distance.is_some(),
         ..arguments.choices.wishes()
     };
+    let geometry = session::geometry(&scene, &wishes)?;
     let decision = auto::decide(&wishes, &geometry, &adapter);
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);

@@ -219,7 +219,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let camera = arguments.camera.camera(&scene, arguments.choices.preset)?;
     let adapter = device.adapter();
     let begin = Instant::now();
-    let geometry = session::geometry(&scene, &arguments.choices.wishes())?;
+    let job = job(arguments, camera)?;
+    let wishes = job.wishes(&arguments.choices.wishes());
+    let geometry = session::geometry(&scene, &wishes)?;
     spans.phase("build tree", begin);
     if geometry.without_area > 0 {
         super::tell(&format!(
@@ -234,8 +236,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let begin = Instant::now();
-    let job = job(arguments, camera)?;
-    let decision = auto::decide(&job.wishes(&arguments.choices.wishes()), &geometry, adapter);
+    let decision = auto::decide(&wishes, &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
     spans.phase("plan", begin);

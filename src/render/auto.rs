@@ -7,7 +7,7 @@ use super::choices::{
 };
 use super::geometry::Geometry;
 use super::plan::{accessor_of, kernels_of};
-use crate::bvh::Builder;
+use crate::bvh::{Builder, Wanted};
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::pack;
@@ -63,15 +63,16 @@ const POSTPONED_FROM: f64 = 100.0;
 /// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
 const SAMPLE_LANES: u32 = 8;
 
-/// The tree's builder, chosen before there is a tree.
-pub fn choose_builder(wishes: &Wishes) -> Builder {
+/// The tree's builder, chosen before there is a tree, or that trees are to be tried.
+pub fn choose_builder(wishes: &Wishes) -> Wanted {
     let original = wishes.preset.is_some_and(Preset::is_original);
-    let reads_no_tree = wishes.method == Some(Method::Brute);
-    // `brute` reads the triangles alone, each once.
-    if reads_no_tree || original && wishes.builder.is_none() {
-        Builder::Midpoint
-    } else {
-        wishes.builder.unwrap_or(Builder::Sah)
+    match wishes.builder {
+        // `brute` reads the triangles alone, each once.
+        _ if wishes.method == Some(Method::Brute) => Builder::Midpoint.into(),
+        Some(builder) => builder.into(),
+        None if original => Builder::Midpoint.into(),
+        None if fewer_samples(wishes, MANY_SAMPLES) => Builder::Sah.into(),
+        None => Wanted::Cheaper,
     }
 }
 
@@ -164,19 +165,38 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     let accessor = kernels_of(&settings, wanted).map_or(wanted, |kernels| accessor_of(&kernels, wanted));
     let why = if accessor == wanted { why } else { "no kernel of these choices reads by device address" };
     note("accessor", accessor.name().into(), why);
-    let why = match (settings.method, wishes.builder) {
-        (Method::Brute, _) if wishes.method.is_some() => {
-            "brute reads no tree, so the one that is built fastest"
-        }
-        (_, Some(_)) => asked,
-        _ if preset.is_original() => "as the original",
-        _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
-    };
-    note("builder", settings.builder.name().into(), why);
+    note("builder", settings.builder.name().into(), &why_builder(wishes, geometry));
     // Where a driver leaves loops early a block must be able to begin with the ray that was left.
     let narrow = adapter.kind == DeviceKind::Cpu || adapter.limits.loop_iterations.is_some();
     let sample_lanes = if narrow { 1 } else { SAMPLE_LANES };
     Decision { settings, accessor, sample_lanes, reasons }
+}
+
+fn why_builder(wishes: &Wishes, geometry: &Geometry) -> String {
+    if wishes.method == Some(Method::Brute) {
+        return "brute reads no tree, so the one that is built fastest".into();
+    }
+    if wishes.builder.is_some() {
+        return "asked for".into();
+    }
+    let Some(weighed) = &geometry.weighed else {
+        let why = match geometry.builder {
+            Builder::Midpoint => "as the original",
+            _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
+        };
+        return why.into();
+    };
+    let Some(costs) = &weighed.costs else {
+        return "the surface area heuristic: reinsertion gains next to nothing here".into();
+    };
+    let (taken, other, name) = match geometry.builder {
+        Builder::Reinsert => (costs.reinsert, costs.sah, Builder::Sah),
+        _ => (costs.sah, costs.reinsert, Builder::Reinsert),
+    };
+    format!(
+        "an ambient ray visits {:.1} nodes and tests {:.1} triangles, as counted; {:.1} and {:.1} with {name}",
+        taken.visits, taken.tests, other.visits, other.tests
+    )
 }
 
 fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Method, String) {

@@ -7,7 +7,7 @@ use std::time::Instant;
 use crate::bvh::quad::QuadTree;
 use crate::bvh::quality::Quality;
 use crate::bvh::wide::WideTree;
-use crate::bvh::{self, Builder, Tree};
+use crate::bvh::{self, Builder, Built, Tree, Wanted, Weighed};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_64;
@@ -25,6 +25,8 @@ const FEW_TRIANGLES: usize = 256;
 /// Placed triangles and the tree over them.
 pub struct Geometry {
     pub builder: Builder,
+    /// How two trees were tried, where nobody named a builder.
+    pub weighed: Option<Weighed>,
     pub placement: Placement,
     /// In the order of the tree's leaves.
     pub triangles: Vec<Triangle>,
@@ -36,6 +38,7 @@ pub struct Geometry {
     pub box_pad: f32,
     /// Entries that `stackN` can need.
     pub stack_bound: u32,
+    /// Time from the placed triangles to the tree, the choice of its builder included.
     pub build_ms: f64,
     /// Whether two triangles share an edge, so that rays must not pass between them.
     pub shares_edges: bool,
@@ -58,7 +61,7 @@ impl Geometry {
     pub fn build(
         scene: &Scene,
         conditioned: bool,
-        builder: Builder,
+        builder: impl Into<Wanted>,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Self> {
         let most = pack::MOST_TRIANGLES;
@@ -90,7 +93,7 @@ impl Geometry {
             )));
         }
         let start = Instant::now();
-        let tree = bvh::build(builder, &placed, progress);
+        let Built { tree, builder, weighed } = bvh::build_wanted(builder.into(), &placed, progress);
         let triangles = pack::triangles(&tree, &placed);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         let (box_pad, (stack_bound, shares_edges)) = rayon::join(
@@ -99,6 +102,7 @@ impl Geometry {
         );
         let geometry = Self {
             builder,
+            weighed,
             placement,
             box_pad,
             stack_bound,
@@ -120,6 +124,11 @@ impl Geometry {
 }
 
 impl Geometry {
+    /// Time that the tree alone takes to build, ms.
+    pub fn tree_ms(&self) -> f64 {
+        self.build_ms - self.weighed.map_or(0.0, |weighed| weighed.beside_ms)
+    }
+
     /// The tree collapsed to eight children a node, made when first asked for.
     pub fn wide(&self) -> &WideTree {
         self.collapsed.wide(&self.tree)

@@ -216,12 +216,12 @@ impl List<'_> {
 
     fn reference(&self, query: Query, watch: &mut dyn Watch) -> Result<Vec<Option<Answer>>> {
         let scene = &self.case.subject.scene;
-        let spec = reference_spec(scene.mesh.triangles.len());
+        let spec = reference_spec(self.case);
         let built;
         let geometry = match self.case.rows.iter().find(|(row, ..)| row.shares_geometry(&spec)) {
             Some((_, geometry, _)) => *geometry,
             None => {
-                built = watch.build(scene, &spec)?;
+                built = watch.build(scene, &spec.wishes())?;
                 &built
             }
         };

@@ -11,8 +11,9 @@ mod target;
 
 use std::cell::Cell;
 
+use crate::bvh::Builder;
 use crate::error::{Error, Result};
-use crate::render::choices::Preset;
+use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
@@ -86,8 +87,8 @@ pub struct Subject {
 
 /// Who hears of rows. An error ends the run.
 pub trait Watch {
-    /// Builds the tree of a row.
-    fn build(&mut self, scene: &Scene, spec: &Spec) -> Result<Geometry>;
+    /// Builds the tree of these choices.
+    fn build(&mut self, scene: &Scene, wishes: &Wishes) -> Result<Geometry>;
     /// So many rows of a view are done, of so many.
     fn progress(&mut self, what: &str, done: usize, all: usize);
     fn row(&mut self, row: Row) -> Result<()>;
@@ -108,8 +109,8 @@ pub struct Bench<'a> {
     planned: Cell<usize>,
 }
 
-/// A tree and the rows that read it.
-type Trees<'s> = Vec<(&'s Spec, Geometry)>;
+/// Trees, each with a row that reads it.
+type Trees = Vec<(Spec, Geometry)>;
 
 /// The rows of one view of one scene.
 struct Case<'a> {
@@ -130,15 +131,15 @@ impl<'a> Bench<'a> {
 
     /// Measures the rows of a scene. Rows that fail are told to `watch`; only what it returns is an error.
     pub fn scene(&self, subject: &Subject, watch: &mut dyn Watch) -> Result<()> {
-        let plan = self.plan(subject);
-        let mut trees: Trees<'_> = Vec::new();
+        let mut trees = Trees::from_iter(self.default_tree(subject, watch));
+        let plan = self.plan(subject, trees.first().map_or(Builder::Sah, |(spec, _)| spec.builder));
         for (view, specs) in &plan {
             let mut case = Vec::new();
             for spec in specs {
                 if trees.iter().all(|(built, _)| !built.shares_geometry(spec)) {
                     watch.progress("building trees", 0, specs.len());
-                    match watch.build(&subject.scene, spec) {
-                        Ok(geometry) => trees.push((spec, geometry)),
+                    match watch.build(&subject.scene, &spec.wishes()) {
+                        Ok(geometry) => trees.push((*spec, geometry)),
                         Err(error) => {
                             let none = Case { subject, view, rows: Vec::new() };
                             left_out(watch, &none, spec, error)?;
@@ -163,10 +164,24 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// The views of a scene and the rows of each.
-    fn plan(&self, subject: &Subject) -> Vec<(View, Vec<Spec>)> {
+    /// The tree that a render takes, where rows leave the builder open. If it cannot be built, the rows that read it will tell.
+    fn default_tree(&self, subject: &Subject, watch: &mut dyn Watch) -> Option<(Spec, Geometry)> {
+        let Options { lists, rays, spp, .. } = self.options;
+        let reads_trees = |methods: &Vec<Method>| methods.iter().any(|method| *method != Method::Brute);
+        if lists.builders.is_some() || !lists.methods.as_ref().is_none_or(reads_trees) {
+            return None;
+        }
+        watch.progress("building trees", 0, 1);
+        let samples = matches!(rays, RayKind::Ambient).then_some(*spp);
+        let geometry = watch.build(&subject.scene, &Wishes { samples, ..Wishes::default() }).ok()?;
+        let builder = geometry.builder;
+        Some((Spec::new(Preset::Auto, Method::Ordered, Some(builder), Passes::Single, builder), geometry))
+    }
+
+    /// The views of a scene and the rows of each. `cheaper`: the builder of rows that name none.
+    fn plan(&self, subject: &Subject, cheaper: Builder) -> Vec<(View, Vec<Spec>)> {
         let Options { lists, views, rays, .. } = self.options;
-        let specs = rows::specs(lists);
+        let specs = rows::specs(lists, cheaper);
         let mut plan: Vec<(View, Vec<Spec>)> = Vec::new();
         match rays {
             RayKind::Ambient | RayKind::Primary => {

@@ -4,6 +4,7 @@ use super::rows::Spec;
 use super::schedule::{elements_in, share_that_fits, spans};
 use super::target::plan_of;
 use super::{Bench, Case, Watch};
+use crate::bvh::Builder;
 use crate::error::Result;
 use crate::layout::Count;
 use crate::render::choices::{Method, Passes, Preset};
@@ -22,21 +23,24 @@ pub struct Reference {
 /// Up to this many triangles the reference tests all of them.
 const FEW_TRIANGLES: usize = 64;
 
-/// The choices of the row that others are compared with.
-pub fn reference_spec(triangles: usize) -> Spec {
-    let method = if triangles <= FEW_TRIANGLES { Method::Brute } else { Method::Threaded };
-    Spec::new(Preset::Auto, method, None, Passes::Single)
+/// The choices of the row that others are compared with: with a tree that some of them read, if it is a good one.
+pub fn reference_spec(case: &Case<'_>) -> Spec {
+    let few = case.subject.scene.mesh.triangles.len() <= FEW_TRIANGLES;
+    let method = if few { Method::Brute } else { Method::Threaded };
+    let read = |builder: &Builder| case.rows.iter().any(|(row, ..)| row.builder == *builder);
+    let builder = [Builder::Sah, Builder::Reinsert].into_iter().find(read).unwrap_or(Builder::Sah);
+    Spec::new(Preset::Auto, method, Some(builder), Passes::Single, builder)
 }
 
 impl Reference {
     pub fn new(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Result<Self> {
         let scene = &case.subject.scene;
-        let spec = reference_spec(scene.mesh.triangles.len());
+        let spec = reference_spec(case);
         let built;
         let geometry = match case.rows.iter().find(|(row, ..)| row.shares_geometry(&spec)) {
             Some((_, geometry, _)) => *geometry,
             None => {
-                built = watch.build(scene, &spec)?;
+                built = watch.build(scene, &spec.wishes())?;
                 &built
             }
         };

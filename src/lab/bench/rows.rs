@@ -1,9 +1,10 @@
 //! What a benchmark measures, row by row: which there are, and what each one tells.
 
+use clap::ValueEnum;
 use serde::Serialize;
 
-use crate::bvh::Builder;
 use crate::bvh::quality::Quality;
+use crate::bvh::{Builder, Wanted};
 use crate::error::Error;
 use crate::render::auto;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
@@ -30,10 +31,21 @@ pub struct Lists {
 pub const REPORTED: [Method; 4] = [Method::Brute, Method::Stack(64), Method::Stack(16), Method::Threaded];
 
 impl Spec {
-    /// `builder`: the preset's, if there is none. `brute` reads no tree, so every builder is the same to it.
-    pub fn new(preset: Preset, method: Method, builder: Option<Builder>, passes: Passes) -> Self {
+    /// `builder`: the preset's, if there is none; `cheaper`: what that is where it depends on the scene. `brute` reads no tree, so
+    /// every builder is the same to it.
+    pub fn new(
+        preset: Preset,
+        method: Method,
+        builder: Option<Builder>,
+        passes: Passes,
+        cheaper: Builder,
+    ) -> Self {
         let wishes = Wishes { preset: Some(preset), method: Some(method), builder, ..Wishes::default() };
-        Self { preset, method, builder: auto::choose_builder(&wishes), passes }
+        let builder = match auto::choose_builder(&wishes) {
+            Wanted::Builder(builder) => builder,
+            Wanted::Cheaper => cheaper,
+        };
+        Self { preset, method, builder, passes }
     }
 
     pub fn wishes(&self) -> Wishes {
@@ -71,11 +83,11 @@ fn all_methods() -> Vec<Method> {
 }
 
 /// The rows of a scene: the full product of what was asked for; otherwise every method on the default builder, every
-/// builder with two methods and every way of cutting passes with one.
-pub fn specs(lists: &Lists) -> Vec<Spec> {
+/// builder with two methods and every way of cutting passes with one. `cheaper`: the default builder.
+pub fn specs(lists: &Lists, cheaper: Builder) -> Vec<Spec> {
     let mut specs: Vec<Spec> = Vec::new();
     let mut add = |method, builder, passes| {
-        let spec = Spec::new(Preset::Auto, method, builder, passes);
+        let spec = Spec::new(Preset::Auto, method, builder, passes, cheaper);
         if !specs.contains(&spec) {
             specs.push(spec);
         }
@@ -90,7 +102,7 @@ pub fn specs(lists: &Lists) -> Vec<Spec> {
         }
     }
     if !asked {
-        for builder in [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh] {
+        for &builder in Builder::value_variants() {
             add(Method::Threaded, Some(builder), Passes::Single);
             add(Method::Ordered, Some(builder), Passes::Single);
         }
@@ -103,7 +115,7 @@ pub fn specs(lists: &Lists) -> Vec<Spec> {
 /// The rows with the original's own choices, of the methods that are measured at all.
 pub fn original_specs(lists: &Lists) -> Vec<Spec> {
     let wanted = |method: &Method| lists.methods.as_ref().is_none_or(|list| list.contains(method));
-    let spec = |method| Spec::new(Preset::Original, method, None, Passes::Single);
+    let spec = |method| Spec::new(Preset::Original, method, None, Passes::Single, Builder::Midpoint);
     REPORTED.into_iter().filter(wanted).map(spec).collect()
 }
 
@@ -192,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_plain_run_has_every_method_builder_and_cut_once() {
-        let specs = specs(&Lists::default());
+        let specs = specs(&Lists::default(), Builder::Reinsert);
         for (place, spec) in specs.iter().enumerate() {
             assert!(!specs[..place].contains(spec), "{spec:?}");
         }
@@ -200,7 +212,7 @@ mod tests {
         for method in all_methods() {
             assert!(has(&|spec| spec.method == method), "{method}");
         }
-        for builder in [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh] {
+        for &builder in Builder::value_variants() {
             assert!(has(&|spec| spec.builder == builder && spec.method == Method::Ordered));
         }
         assert!(has(&|spec| spec.passes == Passes::Staged) && has(&|spec| spec.passes == Passes::Split));
@@ -213,7 +225,7 @@ mod tests {
             builders: Some(vec![Builder::Midpoint, Builder::Sah]),
             passes: Some(vec![Passes::Single, Passes::Split]),
         };
-        assert_eq!(specs(&lists).len(), 6);
+        assert_eq!(specs(&lists, Builder::Sah).len(), 6);
         assert_eq!(original_specs(&lists).len(), 2);
         assert_eq!(original_specs(&Lists::default()).len(), REPORTED.len());
     }

@@ -75,7 +75,7 @@ pub fn blank_row(case: &Case<'_>, spec: &Spec, plan: &Plan<'_>, order: usize) ->
         max_stack: plan.stack_bound(),
         overflowed_rays: 0,
         mismatched_pixels: None,
-        build_ms: plan.geometry.build_ms,
+        build_ms: plan.geometry.tree_ms(),
         tree: *plan.geometry.quality(),
         bvh_bytes: 0,
         registers: None,

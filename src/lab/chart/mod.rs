@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::bench::Subject;
 use super::bench::drift::Drift;
 use super::bench::schedule::shuffled;
-use crate::bvh::Builder;
+use crate::bvh::Wanted;
 use crate::error::{Error, Result};
 use crate::layout::SPEC_REPEAT;
 use crate::render::auto;
@@ -103,7 +103,7 @@ pub struct Chart<'a> {
 
 /// A tree, by what it follows from.
 struct Tree {
-    builder: Builder,
+    builder: Wanted,
     conditioned: bool,
     geometry: Geometry,
 }
@@ -358,7 +358,7 @@ fn add(curves: &mut [Curve], place: usize, point: Point) {
     }
 }
 
-fn tree_of(wishes: &Wishes) -> (Builder, bool) {
+fn tree_of(wishes: &Wishes) -> (Wanted, bool) {
     (auto::choose_builder(wishes), !wishes.preset.is_some_and(Preset::is_original))
 }
 

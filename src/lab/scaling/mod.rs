@@ -93,7 +93,7 @@ impl Options {
                     vec![Method::Threaded, Method::Ordered, Method::Entry, Method::Postponed, Method::Wide]
                 }
             },
-            builders: vec![Builder::Sah, Builder::Midpoint, Builder::Ploc, Builder::Sbvh],
+            builders: vec![Builder::Sah, Builder::Midpoint, Builder::Reinsert, Builder::Ploc, Builder::Sbvh],
             passes: None,
             seed: 0,
             effort: if quick { Effort::QUICK } else { Effort::FULL },

@@ -9,7 +9,8 @@ use crate::reference::testing::{
     KINDS, Random, Scene, aimed_ray, by_corners, grazing_ray, procedural, triangle, triangles_of,
 };
 
-const BUILDERS: [Builder; 4] = [Builder::Midpoint, Builder::Sah, Builder::Ploc, Builder::Sbvh];
+const BUILDERS: [Builder; 5] =
+    [Builder::Midpoint, Builder::Sah, Builder::Reinsert, Builder::Ploc, Builder::Sbvh];
 
 /// Bits of a hit but for its place in the array.
 fn bits(hit: Hit) -> [u32; 4] {

@@ -1,0 +1,130 @@
+//! Counts and answers against a plain recount, and what the rays are.
+
+use super::*;
+use crate::bvh::{Builder, build};
+use crate::reference::testing::{procedural, soup};
+
+/// The same walk, by recursion and on boxes that are grown beforehand; f64 tests of triangles. Whether a triangle was met.
+fn recount(tree: &Tree, index: u32, ray: &Ray, pad: f32, test: &mut dyn FnMut(u32) -> bool) -> (u64, bool) {
+    let (left, right) = match tree.nodes[index as usize].content {
+        Content::Leaf { first, count } => {
+            return (0, (first..first + count).any(|k| test(tree.order[k as usize])));
+        }
+        Content::Inner { left, right } => (left, right),
+    };
+    let bounds = |child: u32| tree.nodes[child as usize].bounds;
+    // Of equal ones the left one first, as `pack::pair_nodes` has them.
+    let mut children = [left, right];
+    children.sort_by(|&a, &b| bounds(b).half_area().total_cmp(&bounds(a).half_area()));
+    let mut visits = 1;
+    for child in children {
+        let grown = Aabb { min: bounds(child).min - pad, max: bounds(child).max + pad };
+        if !ray.meets_box(&grown, 0.0) {
+            continue;
+        }
+        let (below, occluded) = recount(tree, child, ray, pad, test);
+        visits += below;
+        if occluded {
+            return (visits, true);
+        }
+    }
+    (visits, false)
+}
+
+/// Möller and Trumbore in f64.
+fn meets_exactly(ray: &Ray, triangle: &Triangle) -> bool {
+    let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(|v| Vec3::from(v).as_dvec3());
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let normal = ab.cross(ac);
+    let toward = direction.dot(normal);
+    let t = (a - origin).dot(normal) / toward;
+    let point = origin + t * direction - a;
+    let (u, v) = (point.cross(ac).dot(normal), ab.cross(point).dot(normal));
+    let whole = normal.length_squared();
+    t > 0.0 && t.is_finite() && u >= 0.0 && v >= 0.0 && u + v <= whole
+}
+
+#[test]
+fn counts_and_answers_are_those_of_a_plain_recount() {
+    for (name, triangles) in [("maison", procedural("maison", None)), ("soup", soup(81, 500, 0.4))] {
+        let rays = AmbientRays::new(&triangles, 300).unwrap();
+        for builder in [Builder::Sah, Builder::Reinsert, Builder::Midpoint] {
+            let tree = build(builder, &triangles, &|_| ());
+            let (mut counted, mut seen, mut other) = ((0, 0), 0, 0);
+            for point in &rays.points {
+                let mut sums = (0, 0);
+                let mut escapes = false;
+                for ray in point {
+                    let mut tested = 0;
+                    let mut test = |place: u32| {
+                        tested += 1;
+                        ray.meets(&triangles[place as usize])
+                    };
+                    let root = tree.nodes.len() as u32 - 1;
+                    let (opened, met) = recount(&tree, root, ray, rays.pad, &mut test);
+                    let walk = rays.walk(&tree, ray, &mut Vec::new());
+                    let expected = Walk { visits: opened, tests: tested, occluded: met };
+                    assert_eq!(walk, expected, "{name}, {builder}");
+                    assert_eq!(met, triangles.iter().any(|triangle| ray.meets(triangle)), "{name}");
+                    let exactly = triangles.iter().any(|triangle| meets_exactly(ray, triangle));
+                    other += usize::from(met != exactly);
+                    escapes |= !met;
+                    sums = (sums.0 + opened, sums.1 + tested);
+                }
+                if escapes {
+                    seen += 1;
+                    counted = (counted.0 + sums.0, counted.1 + sums.1);
+                }
+            }
+            let cost = rays.cost(&tree).unwrap();
+            println!("{name}, {builder}: {cost:?}, {seen} points seen, {other} rays otherwise in f64");
+            let mean = |sum: u64| sum as f64 / (4 * seen) as f64;
+            assert_eq!(cost, WalkCost { visits: mean(counted.0), tests: mean(counted.1) });
+            assert!(other <= 2 && (50..300).contains(&seen), "{name}: {other}, {seen}");
+        }
+    }
+}
+
+/// In a closed box no ray escapes from within, and all points count.
+#[test]
+fn where_nothing_is_seen_all_points_count() {
+    let triangles = procedural("cornell", None);
+    let tree = build(Builder::Sah, &triangles, &|_| ());
+    let mut rays = AmbientRays::new(&triangles, 400).unwrap();
+    let escapes = |rays: &AmbientRays<'_>, point: &[Ray; RAYS_OF_POINT]| {
+        point.iter().any(|ray| !rays.walk(&tree, ray, &mut Vec::new()).occluded)
+    };
+    let (seen, hidden): (Vec<_>, Vec<_>) = rays.points.iter().partition(|point| escapes(&rays, point));
+    assert!(seen.len() > 100 && hidden.len() > 100, "{} {}", seen.len(), hidden.len());
+    let mut cost_of = |points: Vec<[Ray; RAYS_OF_POINT]>| {
+        rays.points = points;
+        rays.cost(&tree)
+    };
+    let [of_seen, of_hidden] = [cost_of(seen.clone()), cost_of(hidden.clone())];
+    assert_ne!(of_seen, of_hidden);
+    assert_eq!(cost_of([&seen[..20], &hidden[..100]].concat()), cost_of(seen[..20].to_vec()));
+    assert_eq!(cost_of(Vec::new()), None);
+    let few = cost_of([&seen[..5], &hidden[..100]].concat());
+    assert_ne!(few, cost_of(seen[..5].to_vec()), "all of them");
+}
+
+/// Two triangles, one with three times the area: starts by area, on both sides, with a mean cosine of 2/3 (the mean of
+/// 65,536 rays has a standard deviation of 0.001).
+#[test]
+fn rays_are_ambient_rays() {
+    let of = |a: [f32; 3], width: f32| Triangle::new(a, 0, [width, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let triangles = [of([0.0; 3], 3.0), of([10.0, 0.0, 0.0], 1.0)];
+    let rays = AmbientRays::new(&triangles, 1 << 14).unwrap().points.concat();
+    let share =
+        |test: &dyn Fn(&Ray) -> bool| rays.iter().filter(|ray| test(ray)).count() as f64 / rays.len() as f64;
+    assert_eq!(rays.len(), 1 << 16);
+    assert!((share(&|ray| ray.origin.x < 5.0) - 0.75).abs() < 1e-3);
+    assert!((share(&|ray| ray.origin.y > 0.0) - 0.5).abs() < 0.02);
+    // Half of a right triangle's area lies within 1 - sqrt(1/2) of its right angle's side.
+    assert!((share(&|ray| ray.origin.z < 1.0 - 0.5f32.sqrt()) - 0.5).abs() < 0.02);
+    assert!(rays.iter().all(|ray| ray.origin.y * ray.direction.y > 0.0), "off the surface they start on");
+    let cosine: f64 = rays.iter().map(|ray| f64::from(ray.direction.normalize().y.abs())).sum();
+    assert!((cosine / rays.len() as f64 - 2.0 / 3.0).abs() < 0.009, "{cosine}");
+    let sideways: f64 = rays.iter().map(|ray| f64::from(ray.direction.normalize().x)).sum();
+    assert!((sideways / rays.len() as f64).abs() < 0.02, "{sideways}");
+}
