@@ -31,8 +31,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::layout::{
-    CentredNode, Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, QuadNode, RayRecord, SAMPLER_LCG, ThreadedNode,
-    Triangle, WideNode,
+    CentredNode, Corners, Count, Frame, HitRecord, NO_HIT, Node, PairNode, QuadNode, RayRecord, SAMPLER_LCG,
+    ThreadedNode, Triangle, WideNode,
 };
 use crate::pack::NodeArrays;
 use ray::{Hit, Ray, no_hit};

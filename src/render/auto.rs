@@ -63,6 +63,10 @@ const POSTPONED_FROM: f64 = 100.0;
 /// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
 const SAMPLE_LANES: u32 = 8;
 
+/// Samples of a camera ray from which two trees are tried: for fewer that takes longer than it saves, even where rays are slow (measured on Mesa's
+/// software device: of 1024x640 pixels of the arcade with 16 samples, a quarter of a second either way).
+const TRIES_FROM_SAMPLES: u32 = 64;
+
 /// The tree's builder, chosen before there is a tree, or that trees are to be tried.
 pub fn choose_builder(wishes: &Wishes) -> Wanted {
     let original = wishes.preset.is_some_and(Preset::is_original);
@@ -71,7 +75,7 @@ pub fn choose_builder(wishes: &Wishes) -> Wanted {
         _ if wishes.method == Some(Method::Brute) => Builder::Midpoint.into(),
         Some(builder) => builder.into(),
         None if original => Builder::Midpoint.into(),
-        None if fewer_samples(wishes, MANY_SAMPLES) => Builder::Sah.into(),
+        None if fewer_samples(wishes, TRIES_FROM_SAMPLES) => Builder::Sah.into(),
         None => Wanted::Cheaper,
     }
 }
@@ -233,7 +237,9 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
     } else if triangles <= WIDE_UP_TO && fewer_samples(wishes, MANY_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if triangles >= WIDE_FROM && cost <= POSTPONED_FROM && fewer_samples(wishes, SPLIT_FROM_SAMPLES) {
-        let why = format!("{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read");
+        let why = format!(
+            "{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read"
+        );
         (Method::Wide, why)
     } else if cost > POSTPONED_FROM && votes.is_ok() {
         let why = format!(

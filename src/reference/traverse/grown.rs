@@ -49,7 +49,16 @@ pub fn sides_of(node: &CentredNode) -> PairNode {
     };
     let (left_min, left_max) = sides(node.left_center, node.left_half);
     let (right_min, right_max) = sides(node.right_center, node.right_half);
-    PairNode { left_min, left: node.left, left_max, right: node.right, right_min, pad0: 0, right_max, pad1: 0 }
+    PairNode {
+        left_min,
+        left: node.left,
+        left_max,
+        right: node.right,
+        right_min,
+        pad0: 0,
+        right_max,
+        pad1: 0,
+    }
 }
 
 #[cfg(test)]
@@ -123,13 +132,13 @@ mod tests {
                         while let Some((place, side)) = step {
                             let node = &nodes[place];
                             let [center, half] =
-                                [[node.left_center, node.left_half], [node.right_center, node.right_half]][side];
+                                [[node.left_center, node.left_half], [node.right_center, node.right_half]]
+                                    [side];
                             for fused in [false, true] {
-                                let around =
-                                    interval_by(&grown_ray, center, half, |a, b, c| match fused {
-                                        true => a.mul_add(b, c),
-                                        false => a * b + c,
-                                    });
+                                let around = interval_by(&grown_ray, center, half, |a, b, c| match fused {
+                                    true => a.mul_add(b, c),
+                                    false => a * b + c,
+                                });
                                 assert!(
                                     around[0].max(0.0) <= own[0].max(0.0) && around[1] >= own[1],
                                     "{ray:?}: {around:?} around {own:?}"

@@ -8,12 +8,7 @@ use crate::reference::ray::{Hit, Ray};
 use crate::reference::slabs::{Slabs, slabs_of};
 
 /// `open`: the children of the method's node of this reference.
-pub fn closest_hit(
-    inputs: &Inputs,
-    ray: &Ray,
-    mut hit: Hit,
-    open: impl Fn(&Slabs, i32) -> Children,
-) -> Hit {
+pub fn closest_hit(inputs: &Inputs, ray: &Ray, mut hit: Hit, open: impl Fn(&Slabs, i32) -> Children) -> Hit {
     let slabs = slabs_of(ray, inputs.choices.robust_slabs);
     // References and where the ray enters their boxes.
     let mut stack = vec![(ROOT, 0.0f32)];
