@@ -453,7 +453,7 @@ constants! {
     WORKGROUP_SIZE = 64;
 
     /// Tiles that a workgroup of the list takes.
-    LIST_TILES = 4;
+    LIST_TILES = 2;
 
     /// Counters are spread over this many slots, so that workgroups seldom meet on one.
     COUNTER_SLOTS = 64;
