@@ -39,7 +39,7 @@ impl Costs {
 /// How both trees were tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weighed {
-    /// None where reinsertion gained too little to count.
+    /// None where no tree worth counting was found: reinsertion gained too little, or there are no rays.
     pub costs: Option<Costs>,
     /// Time that it took beyond building the tree that was taken, ms.
     pub beside_ms: f64,
@@ -53,7 +53,7 @@ pub struct Built {
     pub weighed: Option<Weighed>,
 }
 
-/// Triangles for which both trees are tried: fewer leave reinsertion little to do, and with more it takes longer than a picture.
+/// Triangles for which both trees are tried: fewer leave reinsertion little to do, and with more it takes seconds.
 const TRIED: RangeInclusive<usize> = 256..=1_000_000;
 
 /// Part of the other tree's cost below which reinsertion is taken: counted costs are not times.

@@ -24,6 +24,9 @@ const RAYS_OF_POINT: usize = 4;
 /// Where fewer than one in so many points count, as in a closed room, all do.
 const FEW_SEEN: u64 = 16;
 
+/// Visits and tests after which a ray is left alone: of heaps of needles each ray would meet a large part, in any tree.
+const MOST_STEPS: u64 = 1000;
+
 /// Cost of opening a node, which tests both children's boxes, and of testing a triangle, in the same unit.
 const VISIT_COST: f64 = 1.0;
 const TEST_COST: f64 = 1.0;
@@ -138,12 +141,16 @@ impl<'a> AmbientRays<'a> {
         (sums.points > 0).then(|| WalkCost { visits: mean(sums.visits), tests: mean(sums.tests) })
     }
 
-    /// Any hit as `ordered` finds it: of two children that are met the larger one first.
+    /// Any hit as `ordered` finds it: of two children that are met the larger one first. A ray that takes [`MOST_STEPS`] counts as
+    /// occluded.
     fn walk(&self, tree: &Tree, ray: &Ray, stack: &mut Vec<u32>) -> Walk {
         let mut walk = Walk::default();
         stack.clear();
         stack.extend(tree.nodes.len().checked_sub(1).map(|root| root as u32));
         while let Some(index) = stack.pop() {
+            if walk.visits + walk.tests >= MOST_STEPS {
+                return Walk { occluded: true, ..walk };
+            }
             match tree.nodes[index as usize].content {
                 Content::Inner { left, right } => {
                     walk.visits += 1;

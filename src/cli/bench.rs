@@ -49,7 +49,7 @@ pub struct Arguments {
     /// Methods, separated by commas; undersized stacks drop what does not fit and count the rays [default: all; with --scaling threaded, ordered, wide, bundle (on a GPU entry and postponed for it)]
     #[arg(long, value_delimiter = ',', value_name = "METHODS")]
     pub(super) methods: Option<Vec<Method>>,
-    /// Builders, separated by commas; lists are multiplied with each other [default: what render chooses, and each with
+    /// Builders, separated by commas; lists are multiplied with each other [default: what render chooses for 64 samples, and each with
     /// two methods]
     #[arg(long, value_delimiter = ',', value_name = "BUILDERS")]
     pub(super) builders: Option<Vec<Builder>>,

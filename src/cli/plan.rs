@@ -18,7 +18,7 @@ use crate::scene::Scene;
 pub struct Arguments {
     /// The scene, a Wavefront OBJ file
     scene: PathBuf,
-    /// Ambient rays of each pixel whose camera ray hits, as for render
+    /// Ambient rays of each camera ray that hits, as for render; of its --antialias J, a J-th of the pixel's
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
     /// Bounded ambient occlusion, as for render

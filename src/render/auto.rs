@@ -45,8 +45,9 @@ const SPLIT_FROM_SAMPLES: u32 = 8;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
 /// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
-/// From this many triangles on it is again, with its small nodes, if no kernel of its own takes the ambient rays (there, at 4 samples, 1.28 times
-/// the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.9 times on the arcade of 260,000).
+/// From this many triangles on it is again, with its small nodes, if one kernel does all of a pixel (there, at 4
+/// samples, 1.2 to 1.28 times the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.75 to 0.9 times on the
+/// arcade of 260,000).
 const WIDE_FROM: usize = 500_000;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
@@ -63,8 +64,8 @@ const POSTPONED_FROM: f64 = 100.0;
 /// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
 const SAMPLE_LANES: u32 = 8;
 
-/// Samples of a camera ray from which two trees are tried: for fewer that takes longer than it saves, even where rays are slow (measured on Mesa's
-/// software device: of 1024x640 pixels of the arcade with 16 samples, a quarter of a second either way).
+/// Samples of a camera ray from which two trees are tried. That takes as long as building the first again, so where rays are slow, as on Mesa's software
+/// device, it pays from about as many samples on; a GPU traces faster for it, but its first picture comes later.
 const TRIES_FROM_SAMPLES: u32 = 64;
 
 /// The tree's builder, chosen before there is a tree, or that trees are to be tried.
@@ -191,7 +192,7 @@ fn why_builder(wishes: &Wishes, geometry: &Geometry) -> String {
         return why.into();
     };
     let Some(costs) = &weighed.costs else {
-        return "the surface area heuristic: reinsertion gains next to nothing here".into();
+        return "the surface area heuristic: reinsertion found no tree worth counting".into();
     };
     let (taken, other, name) = match geometry.builder {
         Builder::Reinsert => (costs.reinsert, costs.sah, Builder::Sah),
@@ -236,7 +237,11 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Brute, why)
     } else if triangles <= WIDE_UP_TO && fewer_samples(wishes, MANY_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
-    } else if triangles >= WIDE_FROM && cost <= POSTPONED_FROM && fewer_samples(wishes, SPLIT_FROM_SAMPLES) {
+    } else if triangles >= WIDE_FROM
+        && cost <= POSTPONED_FROM
+        && fewer_samples(wishes, SPLIT_FROM_SAMPLES)
+        && matches!(wishes.passes, None | Some(Passes::Single))
+    {
         let why = format!(
             "{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read"
         );

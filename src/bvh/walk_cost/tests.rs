@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::bvh::{Builder, build};
-use crate::reference::testing::{procedural, soup};
+use crate::layout::LEAF_LIMIT;
+use crate::reference::testing::{Random, procedural, soup, triangle};
 
 /// The same walk, by recursion and on boxes that are grown beforehand; f64 tests of triangles. Whether a triangle was met.
 fn recount(tree: &Tree, index: u32, ray: &Ray, pad: f32, test: &mut dyn FnMut(u32) -> bool) -> (u64, bool) {
@@ -127,4 +128,25 @@ fn rays_are_ambient_rays() {
     assert!((cosine / rays.len() as f64 - 2.0 / 3.0).abs() < 0.009, "{cosine}");
     let sideways: f64 = rays.iter().map(|ray| f64::from(ray.direction.normalize().x)).sum();
     assert!((sideways / rays.len() as f64).abs() < 0.02, "{sideways}");
+}
+
+/// Needles across the whole scene: without a limit each ray would meet thousands of boxes.
+#[test]
+fn a_ray_among_needles_is_left_alone() {
+    let mut random = Random::new(83);
+    let needle = |id| {
+        let along = random.point();
+        triangle(id, random.point(), along, along + random.point() * 1e-5)
+    };
+    let triangles: Vec<Triangle> = (0..10_000).map(needle).collect();
+    let tree = build(Builder::Sah, &triangles, &|_| ());
+    let rays = AmbientRays::new(&triangles, 64).unwrap();
+    let mut stack = Vec::new();
+    let steps: Vec<u64> = (rays.points.iter().flatten())
+        .map(|ray| rays.walk(&tree, ray, &mut stack))
+        .map(|walk| walk.visits + walk.tests)
+        .collect();
+    let most = *steps.iter().max().unwrap();
+    assert!((MOST_STEPS..MOST_STEPS + u64::from(LEAF_LIMIT)).contains(&most), "{most}");
+    assert!(2 * steps.iter().filter(|&&steps| steps >= MOST_STEPS).count() > steps.len(), "{steps:?}");
 }

@@ -164,15 +164,16 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// The tree that a render takes, where rows leave the builder open. If it cannot be built, the rows that read it will tell.
+    /// The tree that a render of many samples takes, where rows leave the builder open; for lists of rays, that of few. If it cannot be built, the rows that read it will tell.
     fn default_tree(&self, subject: &Subject, watch: &mut dyn Watch) -> Option<(Spec, Geometry)> {
-        let Options { lists, rays, spp, .. } = self.options;
+        let Options { lists, rays, .. } = self.options;
         let reads_trees = |methods: &Vec<Method>| methods.iter().any(|method| *method != Method::Brute);
         if lists.builders.is_some() || !lists.methods.as_ref().is_none_or(reads_trees) {
             return None;
         }
         watch.progress("building trees", 0, 1);
-        let samples = matches!(rays, RayKind::Ambient).then_some(*spp);
+        // Two trees are tried by ambient rays.
+        let samples = (!matches!(rays, RayKind::Ambient)).then_some(1);
         let geometry = watch.build(&subject.scene, &Wishes { samples, ..Wishes::default() }).ok()?;
         let builder = geometry.builder;
         Some((Spec::new(Preset::Auto, Method::Ordered, Some(builder), Passes::Single, builder), geometry))
