@@ -1,7 +1,8 @@
 // Lists the pixels of a range whose camera ray hit and that have samples to do, and writes how many workgroups the
-// kernels over the list need. A workgroup takes LIST_TILES tiles, since all workgroups add to the same few words; their
+// kernels over the list need. Workgroups are of LIST_SIZE pixels, since all of them add to the same few words; their
 // pixels stay together and in order, so that neighbours share their way through the tree; the order of the workgroups is
-// left to chance, since counts add up in any order.
+// left to chance, since counts add up in any order. It is nearly that of the picture as long as few of them run at a time, which
+// large trees gain by: so none takes several tiles in turn.
 #include "shared/scene.glsl"
 #include "shared/ray.glsl"
 #include "shared/camera.glsl"
@@ -9,12 +10,12 @@
 #include "shared/budgets.glsl"
 #include "shared/list.glsl"
 
-layout(local_size_x = WORKGROUP_SIZE) in;
+layout(local_size_x = LIST_SIZE) in;
 
 STORAGE_BLOCK(BINDING_HITS) readonly buffer HitBlock { HitRecord hits[]; };
 
-// Who of the workgroup's pixels is listed, a bit each: two words a tile.
-#define MASKS (2u * LIST_TILES)
+// Who of the workgroup is listed, a bit each.
+#define MASKS (LIST_SIZE / 32)
 shared uint group_mask[MASKS];
 shared uint group_begin;
 
@@ -24,37 +25,39 @@ bool camera_ray_hit(uint pixel) {
     return hit.index != NO_HIT && hit.index != UNFINISHED && within;
 }
 
-// Counted from the range's first: a tile may lie behind the last pixel that has a number.
-uint place_of(uint tile) { return (gl_WorkGroupID.x * LIST_TILES + tile) * WORKGROUP_SIZE + gl_LocalInvocationIndex; }
-
-bool is_listed(uint place) {
-    uint pixel = range.pixel_begin + place;
-    if (place >= range.pixel_end - range.pixel_begin) return false;
-    if (!inside_image(pixel_position(pixel)) || !camera_ray_hit(pixel)) return false;
-    uint first = first_open_sample(pixel);
-    // A pixel that lags behind is taken up again when the others are through.
-    return range.sample_begin <= first && first < min(range.sample_end, sample_budget(pixel).y);
-}
-
 void main() {
     uint lane = gl_LocalInvocationIndex;
+    // Counted from the range's first: the last workgroup may reach behind the last pixel that has a number.
+    uint offset = gl_WorkGroupID.x * LIST_SIZE + lane;
+    uint pixel = range.pixel_begin + offset;
+    uint first = 0u;
+    uvec2 budget = uvec2(0u);
+    bool listed_too = false;
+    if (offset < range.pixel_end - range.pixel_begin && inside_image(pixel_position(pixel)) && camera_ray_hit(pixel)) {
+        first = first_open_sample(pixel);
+        budget = sample_budget(pixel);
+        // A pixel that lags behind is taken up again when the others are through.
+        listed_too = range.sample_begin <= first && first < min(range.sample_end, budget.y);
+    }
     if (lane < MASKS) group_mask[lane] = 0u;
     barrier();
-    for (uint tile = 0u; tile < LIST_TILES; tile++) {
-        if (is_listed(place_of(tile))) atomicOr(group_mask[(tile * WORKGROUP_SIZE + lane) >> 5], 1u << (lane & 31u));
-    }
+    if (listed_too) atomicOr(group_mask[lane >> 5], 1u << (lane & 31u));
     barrier();
-    if (lane == 0u) {
-        uint all = 0u;
-        for (uint i = 0u; i < MASKS; i++) all += bitCount(group_mask[i]);
-        if (all > 0u) {
-            group_begin = atomicAdd(arguments.count, all);
-            uint end = group_begin + all;
-            atomicMax(arguments.blocks_x, (end * SAMPLE_LANES + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
-            atomicMax(arguments.pixels_x, (end + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
-        }
+    uint before = 0u;
+    uint all = 0u;
+    for (uint i = 0u; i < MASKS; i++) {
+        uint mask = group_mask[i];
+        uint whole = i < lane >> 5 ? 0xffffffffu : 0u;
+        before += bitCount(mask & (i == lane >> 5 ? (1u << (lane & 31u)) - 1u : whole));
+        all += bitCount(mask);
     }
-    if (gl_WorkGroupID.x == 0u && lane == 0u) {
+    if (lane == 0u && all > 0u) {
+        group_begin = atomicAdd(arguments.count, all);
+        uint end = group_begin + all;
+        atomicMax(arguments.blocks_x, (end * SAMPLE_LANES + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
+        atomicMax(arguments.pixels_x, (end + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
+    }
+    if (offset == 0u) {
         uint samples = range.sample_end - range.sample_begin;
         arguments.blocks_y = 1u;
         arguments.blocks_z = (samples + range.block - 1u) / range.block;
@@ -62,17 +65,5 @@ void main() {
         arguments.pixels_z = 1u;
     }
     barrier();
-    uint place = group_begin;
-    for (uint tile = 0u; tile < LIST_TILES; tile++) {
-        uint first_mask = 2u * tile;
-        uint low = group_mask[first_mask];
-        uint own = group_mask[first_mask + (lane >> 5)];
-        if ((own >> (lane & 31u) & 1u) == 1u) {
-            uint pixel = range.pixel_begin + place_of(tile);
-            uint before = bitCount(own & ((1u << (lane & 31u)) - 1u)) + (lane < 32u ? 0u : bitCount(low));
-            uvec2 budget = sample_budget(pixel);
-            listed[place + before] = Listed(pixel, first_open_sample(pixel) - range.sample_begin, budget.x, budget.y);
-        }
-        place += bitCount(low) + bitCount(group_mask[first_mask + 1u]);
-    }
+    if (listed_too) listed[group_begin + before] = Listed(pixel, first - range.sample_begin, budget.x, budget.y);
 }

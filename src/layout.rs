@@ -452,8 +452,8 @@ constants! {
     TILE_SIDE = 8;
     WORKGROUP_SIZE = 64;
 
-    /// Tiles that a workgroup of the list takes.
-    LIST_TILES = 2;
+    /// Pixels of a workgroup of the list: whole tiles, and no more than every device can run.
+    LIST_SIZE = 128;
 
     /// Counters are spread over this many slots, so that workgroups seldom meet on one.
     COUNTER_SLOTS = 64;

@@ -289,7 +289,7 @@ impl<'a> Recorder<'a> {
         ]);
         batch.fill(arguments, 0);
         batch.barrier(&[Hazard::Buffer(arguments, Access::TransferWrite, Access::ShaderWrite)]);
-        dispatch_tiles(batch, list, range, layout::LIST_TILES);
+        dispatch_by(batch, list, range, layout::LIST_SIZE);
         batch.barrier(&[
             written(&self.buffers.list),
             written(arguments),
@@ -318,12 +318,12 @@ impl<'a> Recorder<'a> {
 
 /// One workgroup for every so many pixels of the range.
 fn dispatch<'a>(batch: &mut Batch<'a>, kernel: &'a BoundKernel<'a>, range: &Range) {
-    dispatch_tiles(batch, kernel, range, 1);
+    dispatch_by(batch, kernel, range, WORKGROUP_SIZE);
 }
 
-/// One for every so many tiles.
-fn dispatch_tiles<'a>(batch: &mut Batch<'a>, kernel: &'a BoundKernel<'a>, range: &Range, tiles: u32) {
-    let groups = (range.pixel_end - range.pixel_begin).div_ceil(tiles * WORKGROUP_SIZE);
+/// The same for kernels whose workgroups have another size.
+fn dispatch_by<'a>(batch: &mut Batch<'a>, kernel: &'a BoundKernel<'a>, range: &Range, size: u32) {
+    let groups = (range.pixel_end - range.pixel_begin).div_ceil(size);
     batch.dispatch(kernel, bytemuck::bytes_of(range), [groups, 1, 1], kernel.name());
 }
 
