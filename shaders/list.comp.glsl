@@ -43,13 +43,12 @@ void main() {
     barrier();
     if (listed_too) atomicOr(group_mask[lane >> 5], 1u << (lane & 31u));
     barrier();
-    uint before = 0u;
+    uint before = bitCount(group_mask[lane >> 5] & ((1u << (lane & 31u)) - 1u));
     uint all = 0u;
     for (uint i = 0u; i < MASKS; i++) {
-        uint mask = group_mask[i];
-        uint whole = i < lane >> 5 ? 0xffffffffu : 0u;
-        before += bitCount(mask & (i == lane >> 5 ? (1u << (lane & 31u)) - 1u : whole));
-        all += bitCount(mask);
+        uint count = bitCount(group_mask[i]);
+        if (i < lane >> 5) before += count;
+        all += count;
     }
     if (lane == 0u && all > 0u) {
         group_begin = atomicAdd(arguments.count, all);

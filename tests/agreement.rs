@@ -288,7 +288,11 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..Wishes::default() };
         let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
+        let few_split = Wishes { passes: Some(Passes::Split), ..few };
         for (name, wishes, method, passes) in [
+            ("terrain", few, Method::Wide, Passes::Single),
+            ("terrain", few_split, Method::Entry, Passes::Split),
+            ("terrain", Wishes::default(), Method::Entry, Passes::Split),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
             ("cornell", few, Method::Wide, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),
@@ -299,7 +303,7 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("cornell", brute_moller, Method::Brute, Passes::Single),
             ("cornell", brute, Method::Brute, Passes::Split),
         ] {
-            let scene = scene_named(name, None);
+            let scene = scene_named(name, (name == "terrain").then_some(501_000));
             let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
             let settings = auto::decide(&wishes, &geometry, &gpu).settings;
             assert_eq!((settings.method, settings.passes), (method, passes), "{name} {wishes:?}");

@@ -39,7 +39,8 @@ choices! {
         Midpoint = "midpoint",
         /// Top-down by the surface area heuristic over bins.
         Sah = "sah",
-        /// `sah`, then subtrees moved to where they cost less (parallel reinsertion: Meister and Bittner, 2018).
+        /// `sah`, then subtrees moved to where they cost less (parallel reinsertion: Meister and Bittner, 2018); the same tree as
+        /// `sah` where none is found that costs less.
         Reinsert = "reinsert",
         /// Bottom-up by locally ordered clustering, then reinsertion.
         Ploc = "ploc",

@@ -28,5 +28,5 @@ pub(super) fn build(triangles: &[Triangle], progress: &Progress) -> Tree {
     drop(clusters);
     progress.reach(0.3);
     ROUNDS.run(&mut bvh, progress);
-    Emission { bvh: &bvh, items: &mut items, progress }.tree()
+    Emission { bvh: &bvh, items: &mut items }.tree()
 }

@@ -44,7 +44,7 @@ pub(super) fn improved(tree: &Tree, triangles: &[Triangle], worth: f64, progress
     if ROUNDS.run(&mut bvh, progress) < worth {
         return None;
     }
-    let other = Emission { bvh: &bvh, items: &mut items, progress }.tree();
+    let other = Emission { bvh: &bvh, items: &mut items }.tree();
     (cost_of(&other) < cost_of(tree)).then_some(other)
 }
 
@@ -191,7 +191,6 @@ fn depth(bvh: &Bvh2) -> usize {
 pub(super) struct Emission<'a> {
     pub bvh: &'a Bvh2,
     pub items: &'a mut [Item],
-    pub progress: &'a Progress<'a>,
 }
 
 impl Emission<'_> {
@@ -213,7 +212,8 @@ impl Emission<'_> {
         if level >= WEIGHED_LEVELS {
             // A chain: halved instead, so that the tree stays shallow.
             let mut chain = self.items_below(node);
-            return (sah::build_into(&mut chain, level, part, self.progress), f64::INFINITY);
+            let silent = Progress::new(chain.len(), &|_| {});
+            return (sah::build_into(&mut chain, level, part, &silent), f64::INFINITY);
         }
         let (first_node, first) = (part.nodes.len(), part.order.len());
         let (left, left_cost) = self.subtree(source.first_index, level + 1, part);

@@ -35,7 +35,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         text += &format!("dropped     {}\n", report.dropped);
     }
-    let geometry = session::geometry(&scene, &Wishes::default())?;
+    // For few samples: nothing is tried.
+    let geometry = session::geometry(&scene, &Wishes { samples: Some(1), ..Wishes::default() })?;
     if geometry.without_area > 0 {
         text += &format!(
             "too thin    {} triangles, whose area 32-bit floats do not see\n",

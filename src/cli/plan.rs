@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let wishes = Wishes {
         samples: Some(arguments.spp),
         bounded: arguments.max_distance.is_some(),
-        ..arguments.choices.wishes()
+        ..arguments.choices.wishes().on(adapter.kind)
     };
     let geometry = session::geometry(&scene, &wishes)?;
     let decision = auto::decide(&wishes, &geometry, &adapter);

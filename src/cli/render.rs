@@ -220,7 +220,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let adapter = device.adapter();
     let begin = Instant::now();
     let job = job(arguments, camera)?;
-    let wishes = job.wishes(&arguments.choices.wishes());
+    let wishes = job.wishes(&arguments.choices.wishes().on(adapter.kind));
     let geometry = session::geometry(&scene, &wishes)?;
     spans.phase("build tree", begin);
     if geometry.without_area > 0 {

@@ -5,7 +5,7 @@ use clap::Args;
 use super::progress::BuildMeter;
 use crate::cache;
 use crate::error::Result;
-use crate::render::auto;
+use crate::render::builder::choose_builder;
 use crate::render::choices::{Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::scene::Scene;
@@ -62,7 +62,7 @@ pub fn open_silently(arguments: &DeviceArguments) -> Result<Device> {
 pub fn geometry(scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
     let meter = BuildMeter::new();
     let conditioned = !wishes.preset.is_some_and(Preset::is_original);
-    let builder = auto::choose_builder(wishes);
+    let builder = choose_builder(wishes);
     let geometry = Geometry::build(scene, conditioned, builder, &|done| meter.observe(done))?;
     meter.finish();
     Ok(geometry)

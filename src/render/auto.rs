@@ -1,13 +1,13 @@
 //! Which choices a preset makes, and why. The device chooses only what keeps the counts (method,
 //! accessor); the scene and the preset choose the rest, so that every machine renders the same numbers.
 
+use super::builder::why_builder;
 use super::choices::{
     Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
     Wishes,
 };
 use super::geometry::Geometry;
 use super::plan::{accessor_of, kernels_of};
-use crate::bvh::{Builder, Wanted};
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
 use crate::pack;
@@ -63,23 +63,6 @@ const POSTPONED_FROM: f64 = 100.0;
 /// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
 /// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
 const SAMPLE_LANES: u32 = 8;
-
-/// Samples of a camera ray from which two trees are tried. That takes as long as building the first again, so it is left alone where there are
-/// few rays. An H100 traces up to 1.15 times as fast for it; on Mesa's software device `bundle`, whose rays go together, gains nothing.
-const TRIES_FROM_SAMPLES: u32 = 64;
-
-/// The tree's builder, chosen before there is a tree, or that trees are to be tried.
-pub fn choose_builder(wishes: &Wishes) -> Wanted {
-    let original = wishes.preset.is_some_and(Preset::is_original);
-    match wishes.builder {
-        // `brute` reads the triangles alone, each once.
-        _ if wishes.method == Some(Method::Brute) => Builder::Midpoint.into(),
-        Some(builder) => builder.into(),
-        None if original => Builder::Midpoint.into(),
-        None if fewer_samples(wishes, TRIES_FROM_SAMPLES) => Builder::Sah.into(),
-        None => Wanted::Cheaper,
-    }
-}
 
 /// Makes every choice that `wishes` leaves open.
 pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decision {
@@ -177,33 +160,6 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     Decision { settings, accessor, sample_lanes, reasons }
 }
 
-fn why_builder(wishes: &Wishes, geometry: &Geometry) -> String {
-    if wishes.method == Some(Method::Brute) {
-        return "brute reads no tree, so the one that is built fastest".into();
-    }
-    if wishes.builder.is_some() {
-        return "asked for".into();
-    }
-    let Some(weighed) = &geometry.weighed else {
-        let why = match geometry.builder {
-            Builder::Midpoint => "as the original",
-            _ => "the surface area heuristic: fewer boxes to visit than a split at the middle",
-        };
-        return why.into();
-    };
-    let Some(costs) = &weighed.costs else {
-        return "the surface area heuristic: reinsertion found no tree worth counting".into();
-    };
-    let (taken, other, name) = match geometry.builder {
-        Builder::Reinsert => (costs.reinsert, costs.sah, Builder::Sah),
-        _ => (costs.sah, costs.reinsert, Builder::Reinsert),
-    };
-    format!(
-        "an ambient ray visits {:.1} nodes and tests {:.1} triangles, as counted; {:.1} and {:.1} with {name}",
-        taken.visits, taken.tests, other.visits, other.tests
-    )
-}
-
 fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Method, String) {
     let triangles = geometry.triangles.len();
     let on_cpu = adapter.kind == DeviceKind::Cpu;
@@ -235,11 +191,11 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
             "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for all of a pixel's rays"
         );
         (Method::Brute, why)
-    } else if triangles <= WIDE_UP_TO && fewer_samples(wishes, MANY_SAMPLES) {
+    } else if triangles <= WIDE_UP_TO && wishes.fewer_samples(MANY_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if triangles >= WIDE_FROM
         && cost <= POSTPONED_FROM
-        && fewer_samples(wishes, SPLIT_FROM_SAMPLES)
+        && wishes.fewer_samples(SPLIT_FROM_SAMPLES)
         && matches!(wishes.passes, None | Some(Passes::Single))
     {
         let why = format!(
@@ -270,13 +226,8 @@ fn takes_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
         && wishes.sampler != Some(Sampler::Lcg)
         && wishes.accessor != Some(Accessor::TexelBuffer)
         && geometry.triangles.len() <= pack::MOST_FACES
-        && !fewer_samples(wishes, MANY_SAMPLES)
+        && !wishes.fewer_samples(MANY_SAMPLES)
         && !wishes.bounded
-}
-
-/// Where their number is not known there may be many.
-fn fewer_samples(wishes: &Wishes, than: u32) -> bool {
-    wishes.samples.is_some_and(|samples| samples < than)
 }
 
 /// All see the same triangles but for rays within some roundings of an edge.
@@ -305,7 +256,7 @@ fn choose_passes(
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Entry | Method::Postponed if fewer_samples(wishes, SPLIT_FROM_SAMPLES) => {
+        Method::Ordered | Method::Entry | Method::Postponed if wishes.fewer_samples(SPLIT_FROM_SAMPLES) => {
             (Passes::Single, "few rays of a pixel are done soonest where the camera ray was")
         }
         Method::Ordered | Method::Entry | Method::Postponed => {

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use crate::bvh::Builder;
 use crate::names::choices;
+use crate::vk::DeviceKind;
 
 choices! {
     /// A bundle of choices.
@@ -213,6 +214,20 @@ pub struct Wishes {
     /// Ambient rays have an end.
     pub bounded: bool,
     pub accessor: Option<Accessor>,
+    /// The device is a CPU, as far as is known before there is a tree.
+    pub on_cpu: bool,
+}
+
+impl Wishes {
+    /// For a device of this kind.
+    pub fn on(self, kind: DeviceKind) -> Self {
+        Self { on_cpu: kind == DeviceKind::Cpu, ..self }
+    }
+
+    /// Where their number is not known there may be many.
+    pub fn fewer_samples(&self, than: u32) -> bool {
+        self.samples.is_some_and(|samples| samples < than)
+    }
 }
 
 #[cfg(test)]

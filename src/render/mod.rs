@@ -3,6 +3,7 @@
 mod adaptive;
 pub mod auto;
 mod band;
+pub mod builder;
 pub mod choices;
 pub mod clock;
 pub mod execute;

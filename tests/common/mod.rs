@@ -5,6 +5,7 @@
 use std::io::Cursor;
 
 use cousu::render::auto::{self, Decision};
+use cousu::render::builder;
 use cousu::render::choices::{Accessor, Intersector, Method, Preset, Wishes};
 use cousu::render::execute::{self, Outcome};
 use cousu::render::geometry::Geometry;
@@ -79,7 +80,7 @@ pub fn job(scene: &Scene, size: (u32, u32), samples: std::ops::Range<u32>) -> Jo
 }
 
 pub fn geometry(scene: &Scene, preset: Preset) -> Geometry {
-    let builder = auto::choose_builder(&Wishes { preset: Some(preset), ..Wishes::default() });
+    let builder = builder::choose_builder(&Wishes { preset: Some(preset), ..Wishes::default() });
     Geometry::build(scene, !preset.is_original(), builder, &|_| {}).expect("a tree")
 }
 

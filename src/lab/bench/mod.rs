@@ -164,7 +164,8 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// The tree that a render of many samples takes, where rows leave the builder open; for lists of rays, that of few. If it cannot be built, the rows that read it will tell.
+    /// The tree that a render of many samples takes, where rows leave the builder open; for lists of rays, that of few. If it
+    /// cannot be built, the rows that read it will tell.
     fn default_tree(&self, subject: &Subject, watch: &mut dyn Watch) -> Option<(Spec, Geometry)> {
         let Options { lists, rays, .. } = self.options;
         let reads_trees = |methods: &Vec<Method>| methods.iter().any(|method| *method != Method::Brute);
@@ -174,7 +175,8 @@ impl<'a> Bench<'a> {
         watch.progress("building trees", 0, 1);
         // Two trees are tried by ambient rays.
         let samples = (!matches!(rays, RayKind::Ambient)).then_some(1);
-        let geometry = watch.build(&subject.scene, &Wishes { samples, ..Wishes::default() }).ok()?;
+        let wishes = Wishes { samples, ..Wishes::default() }.on(self.device.adapter().kind);
+        let geometry = watch.build(&subject.scene, &wishes).ok()?;
         let builder = geometry.builder;
         Some((Spec::new(Preset::Auto, Method::Ordered, Some(builder), Passes::Single, builder), geometry))
     }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::bvh::quality::Quality;
 use crate::bvh::{Builder, Wanted};
 use crate::error::Error;
-use crate::render::auto;
+use crate::render::builder::choose_builder;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::work::RayWork;
 
@@ -41,7 +41,7 @@ impl Spec {
         cheaper: Builder,
     ) -> Self {
         let wishes = Wishes { preset: Some(preset), method: Some(method), builder, ..Wishes::default() };
-        let builder = match auto::choose_builder(&wishes) {
+        let builder = match choose_builder(&wishes) {
             Wanted::Builder(builder) => builder,
             Wanted::Cheaper => cheaper,
         };

@@ -17,6 +17,7 @@ use crate::bvh::Wanted;
 use crate::error::{Error, Result};
 use crate::layout::SPEC_REPEAT;
 use crate::render::auto;
+use crate::render::builder::choose_builder;
 use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
@@ -135,7 +136,10 @@ impl<'a> Chart<'a> {
         watch: &mut dyn Watch,
     ) -> Result<()> {
         let scene = &subject.scene;
-        let variants = curves::variants(&self.options.lists);
+        let mut variants = curves::variants(&self.options.lists);
+        for variant in &mut variants {
+            variant.wishes = variant.wishes.on(self.device.adapter().kind);
+        }
         let trees = self.trees(scene, &variants, given.is_none(), watch)?;
         let (truth, facts) = self.truth(subject, camera, &trees, given, store, watch)?;
         watch.begin(facts)?;
@@ -359,13 +363,15 @@ fn add(curves: &mut [Curve], place: usize, point: Point) {
 }
 
 fn tree_of(wishes: &Wishes) -> (Wanted, bool) {
-    (auto::choose_builder(wishes), !wishes.preset.is_some_and(Preset::is_original))
+    (choose_builder(wishes), !wishes.preset.is_some_and(Preset::is_original))
 }
 
 fn find<'t>(trees: &'t [Tree], wishes: &Wishes) -> Option<&'t Geometry> {
     let (builder, conditioned) = tree_of(wishes);
-    trees
-        .iter()
-        .find(|tree| tree.builder == builder && tree.conditioned == conditioned)
-        .map(|tree| &tree.geometry)
+    // A tree that the rule came to serves for its builder's name too.
+    let serves = |tree: &&Tree| match builder {
+        Wanted::Builder(named) => tree.geometry.builder == named && tree.conditioned == conditioned,
+        Wanted::Cheaper => tree.builder == builder && tree.conditioned == conditioned,
+    };
+    trees.iter().find(serves).map(|tree| &tree.geometry)
 }

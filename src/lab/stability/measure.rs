@@ -6,6 +6,7 @@ use crate::lab::interleave::{Variant, interleave};
 use crate::lab::scenes::usual_job;
 use crate::layout::{FRAME_SAMPLES, HitRecord, RayRecord};
 use crate::render::auto;
+use crate::render::builder::choose_builder;
 use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::execute::{self, Outcome};
 use crate::render::geometry::Geometry;
@@ -43,7 +44,7 @@ impl Lab<'_> {
     /// The scene as these choices want it.
     pub(super) fn geometry(&self, scene: &Scene, wishes: &Wishes) -> Result<Geometry> {
         let conditioned = !wishes.preset.is_some_and(Preset::is_original);
-        Geometry::build(scene, conditioned, auto::choose_builder(wishes), &|_| {})
+        Geometry::build(scene, conditioned, choose_builder(&wishes.on(self.device.adapter().kind)), &|_| {})
     }
 
     /// A job from the scene's usual view.

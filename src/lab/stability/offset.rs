@@ -6,12 +6,12 @@ mod scenes;
 use std::rc::Rc;
 
 use super::{Case, Experiment, Findings, Lab, Row, Verdict};
+use crate::bvh::Builder;
 use crate::error::{Error, Result};
 use crate::lab::figure::Figure;
 use crate::lab::interleave::digits as digits_of;
 use crate::lab::scenes::scene_of;
 use crate::layout::{HitRecord, NO_HIT, RayRecord};
-use crate::render::auto;
 use crate::render::choices::{Offset, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
@@ -119,7 +119,7 @@ impl Forms {
 
 /// The scene in the units of its file.
 fn as_in_file(scene: &Scene) -> Result<Geometry> {
-    Geometry::build(scene, false, auto::choose_builder(&Wishes::default()), &|_| {})
+    Geometry::build(scene, false, Builder::Sah, &|_| {})
 }
 
 fn trial(

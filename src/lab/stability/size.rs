@@ -9,6 +9,7 @@ use crate::pack::NodeArrays;
 use crate::reference::exact::Truth;
 use crate::reference::{Inputs, render_counts, trace_closest};
 use crate::render::auto;
+use crate::render::builder::choose_builder;
 use crate::render::choices::{Method, Passes, Preset, Wishes};
 use crate::render::execute::bands;
 use crate::render::geometry::Geometry;
@@ -263,7 +264,7 @@ fn coincident(lab: &Lab<'_>, wishes: &Wishes, first: u32, float_ids: bool) -> Re
     let (mesh, ids) = sheets();
     let scene = scene_of("sheets", mesh);
     // In the file's units, on numbers that 32-bit floats hold exactly: conditioning would leave copies out.
-    let geometry = Geometry::build(&scene, false, auto::choose_builder(wishes), &|_| {})?;
+    let geometry = Geometry::build(&scene, false, choose_builder(wishes), &|_| {})?;
     if geometry.triangles.len() != ids.len() {
         return Err(Error::other("Coincident triangles were left out: report this as a bug."));
     }

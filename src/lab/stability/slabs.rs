@@ -5,12 +5,12 @@ use rayon::prelude::*;
 
 use super::measure::fitted;
 use super::{Case, Experiment, Findings, Lab, Row};
+use crate::bvh::Builder;
 use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::lab::scenes::{procedural, scene_of};
 use crate::layout::{HitRecord, NO_HIT, RayRecord, Triangle};
 use crate::reference::exact::{Rules, Shapes, Truth};
-use crate::render::auto::choose_builder;
 use crate::render::choices::{Intersector, Method, Slabs, Wishes};
 use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
@@ -112,7 +112,7 @@ fn ray_at_corner(mesh: &Mesh, i: u32, seed: u32) -> RayRecord {
 impl Lattice {
     fn of(mesh: Mesh, name: &str) -> Result<Self> {
         let scene = scene_of(name, mesh);
-        let geometry = Geometry::build(&scene, false, choose_builder(&Wishes::default()), &|_| {})?;
+        let geometry = Geometry::build(&scene, false, Builder::Sah, &|_| {})?;
         Ok(Self { scene, geometry, rays: Vec::new(), farthest: Vec::new() })
     }
 

@@ -91,6 +91,35 @@ mod tests {
         assert!(met > 10_000, "{met} boxes were met");
     }
 
+    /// The shader compares crossings as integers. The verdict is that of the floats but for an exit at -0, which boxes are grown out
+    /// of, and without a comparison with the ray's end only where there is none.
+    #[test]
+    fn integers_compare_as_the_floats_do() {
+        let as_integers = |near: [f32; 2], far: [f32; 2], t_max: Option<f32>| {
+            let bits = |x: f32| x.to_bits() as i32;
+            let enter = bits(near[0]).max(bits(near[1])).max(0);
+            let leave = bits(far[0]).min(bits(far[1]));
+            enter <= t_max.map_or(leave, |t_max| leave.min(bits(t_max)))
+        };
+        let values = [-f32::MAX, -1.0, -1e-40, -0.0, 0.0, 1e-40, 1.0, 2.0, f32::MAX];
+        let mut met = 0;
+        for near in values.into_iter().flat_map(|x| values.map(|y| [x, y])) {
+            for far in values.into_iter().flat_map(|x| values.map(|y| [x, y])) {
+                let interval = [near[0].max(near[1]), far[0].min(far[1])];
+                if far.iter().any(|x| x.to_bits() == (-0.0f32).to_bits()) {
+                    continue;
+                }
+                for t_max in [0.0, 1.0, f32::MAX] {
+                    let expected = meets(interval, t_max);
+                    assert_eq!(as_integers(near, far, Some(t_max)), expected, "{near:?} {far:?} {t_max}");
+                    met += u32::from(expected);
+                }
+                assert_eq!(as_integers(near, far, None), meets(interval, f32::MAX), "{near:?} {far:?}");
+            }
+        }
+        assert!(met > 1000, "{met}");
+    }
+
     fn check_nodes(
         nodes: &[CentredNode],
         triangles: &[crate::layout::Triangle],
