@@ -25,8 +25,9 @@ pub fn leaf_of(reference: i32) -> RangeInclusive<u32> {
     first..=first + (packed_leaf & (LEAF_LIMIT - 1))
 }
 
-/// Any hit, the left child first. `open`: the children of the node of this reference.
-pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32) -> Children) -> bool {
+/// Any hit, the left child first. `open`: the children of the node of this reference, and whether the ray meets each up to
+/// this distance.
+pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32, f32) -> [(i32, bool); 2]) -> bool {
     let slabs = slabs_of(ray, inputs.choices.robust_slabs);
     let limit = box_limit(inputs, ray.t_max);
     let mut stack = vec![ROOT];
@@ -37,9 +38,8 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32) -> Children) -> bo
             }
             continue;
         }
-        let [left, right] = open(reference);
-        let met = [right, left].into_iter().filter(|(_, interval)| meets(*interval, limit));
-        stack.extend(met.map(|(child, _)| child));
+        let [left, right] = open(reference, limit);
+        stack.extend([right, left].into_iter().filter(|(_, met)| *met).map(|(child, _)| child));
     }
     false
 }

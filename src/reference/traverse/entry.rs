@@ -14,5 +14,7 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> Hit {
 
 pub fn any_hit(inputs: &Inputs, ray: &Ray) -> bool {
     let grown_ray = grown_ray_of(ray);
-    children::any_hit(inputs, ray, |reference| grown::children(&grown_ray, inputs.load_grown(reference)))
+    children::any_hit(inputs, ray, |reference, limit| {
+        grown::met_children(&grown_ray, inputs.load_grown(reference), limit)
+    })
 }

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use super::children::Children;
 use crate::layout::{CentredNode, PairNode};
 use crate::reference::ray::Ray;
 use crate::reference::slabs::at_least_smallest;
@@ -19,25 +18,32 @@ pub fn grown_ray_of(ray: &Ray) -> GrownRay {
     GrownRay { inverse, base: -ray.origin * inverse }
 }
 
-/// `sum`(a, b, c): a b + c, rounded once or twice.
-fn interval_by(
+/// Where the ray enters and leaves the slab of each axis. `sum`(a, b, c): a b + c, rounded once or twice.
+fn crossings_by(
     ray: &GrownRay,
     center: [f32; 3],
     half: [f32; 3],
     sum: impl Fn(f32, f32, f32) -> f32,
-) -> [f32; 2] {
+) -> [[f32; 3]; 2] {
     let middle = [0, 1, 2].map(|axis| sum(center[axis], ray.inverse[axis], ray.base[axis]));
-    let side = |sign: f32| {
-        Vec3::from([0, 1, 2].map(|axis| sum(sign * half[axis], ray.inverse[axis].abs(), middle[axis])))
-    };
-    [side(-1.0).max_element(), side(1.0).min_element()]
+    [-1.0, 1.0]
+        .map(|sign| [0, 1, 2].map(|axis| sum(sign * half[axis], ray.inverse[axis].abs(), middle[axis])))
 }
 
-pub fn children(ray: &GrownRay, node: &CentredNode) -> Children {
-    let interval = |center, half| interval_by(ray, center, half, |a, b, c| a * b + c);
+/// Whether these crossings are those of a box that the ray meets up to `t_max`, if it has an end: compared as integers.
+fn meets_grown([near, far]: [[f32; 3]; 2], t_max: Option<f32>) -> bool {
+    let bits = |x: f32| x.to_bits() as i32;
+    let enter = near.map(bits).into_iter().fold(0, i32::max);
+    enter <= far.map(bits).into_iter().fold(t_max.map_or(i32::MAX, bits), i32::min)
+}
+
+/// A node's children, and whether the ray meets them up to this distance.
+pub fn met_children(ray: &GrownRay, node: &CentredNode, limit: f32) -> [(i32, bool); 2] {
+    let t_max = (limit < f32::MAX).then_some(limit);
+    let meets = |center, half| meets_grown(crossings_by(ray, center, half, |a, b, c| a * b + c), t_max);
     [
-        (node.left, interval(node.left_center, node.left_half)),
-        (node.right, interval(node.right_center, node.right_half)),
+        (node.left, meets(node.left_center, node.left_half)),
+        (node.right, meets(node.right_center, node.right_half)),
     ]
 }
 
@@ -91,30 +97,24 @@ mod tests {
         assert!(met > 10_000, "{met} boxes were met");
     }
 
-    /// The shader compares crossings as integers. The verdict is that of the floats but for an exit at -0, which boxes are grown out
-    /// of, and without a comparison with the ray's end only where there is none.
+    /// But for an exit at -0, which boxes are grown out of.
     #[test]
     fn integers_compare_as_the_floats_do() {
-        let as_integers = |near: [f32; 2], far: [f32; 2], t_max: Option<f32>| {
-            let bits = |x: f32| x.to_bits() as i32;
-            let enter = bits(near[0]).max(bits(near[1])).max(0);
-            let leave = bits(far[0]).min(bits(far[1]));
-            enter <= t_max.map_or(leave, |t_max| leave.min(bits(t_max)))
-        };
         let values = [-f32::MAX, -1.0, -1e-40, -0.0, 0.0, 1e-40, 1.0, 2.0, f32::MAX];
         let mut met = 0;
         for near in values.into_iter().flat_map(|x| values.map(|y| [x, y])) {
             for far in values.into_iter().flat_map(|x| values.map(|y| [x, y])) {
                 let interval = [near[0].max(near[1]), far[0].min(far[1])];
+                let crossings = [[near[0], near[1], -f32::MAX], [far[0], far[1], f32::MAX]];
                 if far.iter().any(|x| x.to_bits() == (-0.0f32).to_bits()) {
                     continue;
                 }
                 for t_max in [0.0, 1.0, f32::MAX] {
                     let expected = meets(interval, t_max);
-                    assert_eq!(as_integers(near, far, Some(t_max)), expected, "{near:?} {far:?} {t_max}");
+                    assert_eq!(meets_grown(crossings, Some(t_max)), expected, "{crossings:?} {t_max}");
                     met += u32::from(expected);
                 }
-                assert_eq!(as_integers(near, far, None), meets(interval, f32::MAX), "{near:?} {far:?}");
+                assert_eq!(meets_grown(crossings, None), meets(interval, f32::MAX), "{crossings:?}");
             }
         }
         assert!(met > 1000, "{met}");
@@ -164,10 +164,14 @@ mod tests {
                                 [[node.left_center, node.left_half], [node.right_center, node.right_half]]
                                     [side];
                             for fused in [false, true] {
-                                let around = interval_by(&grown_ray, center, half, |a, b, c| match fused {
-                                    true => a.mul_add(b, c),
-                                    false => a * b + c,
-                                });
+                                let crossings =
+                                    crossings_by(&grown_ray, center, half, |a, b, c| match fused {
+                                        true => a.mul_add(b, c),
+                                        false => a * b + c,
+                                    });
+                                assert!(meets_grown(crossings, None), "{ray:?}: {crossings:?}");
+                                let [near, far] = crossings.map(Vec3::from);
+                                let around = [near.max_element(), far.min_element()];
                                 assert!(
                                     around[0].max(0.0) <= own[0].max(0.0) && around[1] >= own[1],
                                     "{ray:?}: {around:?} around {own:?}"

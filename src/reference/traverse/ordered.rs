@@ -14,5 +14,8 @@ pub fn closest_hit(inputs: &Inputs, ray: &Ray, hit: Hit) -> Hit {
 
 pub fn any_hit(inputs: &Inputs, ray: &Ray) -> bool {
     let slabs = slabs_of(ray, inputs.choices.robust_slabs);
-    children::any_hit(inputs, ray, |reference| pair::children(&slabs, inputs.load_pair(reference)))
+    children::any_hit(inputs, ray, |reference, limit| {
+        pair::children(&slabs, inputs.load_pair(reference))
+            .map(|(child, interval)| (child, children::meets(interval, limit)))
+    })
 }
