@@ -47,9 +47,22 @@ uint overflowed;
 #define COMPUTES_ALL false
 #endif
 
-// All samples of an invocation are of one half where an even number of invocations takes them in turn: its seed is found once.
+// All samples of an invocation are of one half where an even number of invocations takes them in turn: its seed is found once. So are both
+// where many rays are made in a row.
 #define KEEPS_HALF (SAMPLER == SAMPLER_SOBOL && REPEAT == 0u && SAMPLE_LANES % 2u == 0u)
+#ifdef SHARES_START
+#define KEEPS_HALVES (SAMPLER == SAMPLER_SOBOL && REPEAT == 0u)
+#else
+#define KEEPS_HALVES false
+#endif
 uvec2 half_seed;
+uvec4 half_seeds;
+
+vec2 next_numbers(uint id) {
+    if (KEEPS_HALF) return sobol_point(half_seed, id, budget);
+    if (KEEPS_HALVES) return sobol_point((id & 1u) == 0u ? half_seeds.xy : half_seeds.zw, id, budget);
+    return sample_numbers(pixel, id, budget, lcg_state);
+}
 
 bool any_left() { return sample_next < sample_end; }
 
@@ -61,7 +74,7 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     bool more = any_left();
     sample_next += more ? SAMPLE_LANES : 0u;
     if (more || COMPUTES_ALL) {
-        vec2 u = KEEPS_HALF ? sobol_point(half_seed, id, budget) : sample_numbers(pixel, id, budget, lcg_state);
+        vec2 u = next_numbers(id);
         ray = ambient_ray(surface, u);
         sample_weight = ORIGINAL ? original_weight(surface, ray.direction, u) : 1.0;
     }
@@ -139,6 +152,7 @@ void main() {
         asked = max(sample_end, sample_next) - sample_next;
         sample_next += lane;
         if (KEEPS_HALF) half_seed = sobol_seed(pixel, sample_next);
+        if (KEEPS_HALVES) half_seeds = sobol_seeds(pixel);
         if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);

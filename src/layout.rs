@@ -172,12 +172,17 @@ records! {
     }
     /// A triangle, or two that make a flat convex quadrilateral, by their places in the array; the edge that each shares with the
     /// other (two bits each, the first one's below), and whether they are wound unlike. For a triangle `second` is `first`. The array begins
-    /// with a record of how many faces there are, and how many of them have four edges.
+    /// with a record of how many faces there are, and how many of them have four edges. The box around it is grown by what the test of
+    /// shaders/traverse/beam.glsl may err.
     Face {
         first: uint,
         second: uint,
         seams: uint,
         turned: uint,
+        min: vec3,
+        _unused0: uint,
+        max: vec3,
+        _unused1: uint,
     }
     /// Four children with their boxes, side by side: min_x0 to min_x3 are one word. A reference is that of a node or of a leaf, as
     /// in [`PairNode`]. An empty slot repeats the first one's reference, with a box out of reach.

@@ -67,6 +67,19 @@ pub fn grown_pad(pad: f32, largest: f32, reach: f64) -> f32 {
     if grown < f64::from(f32::MAX) { grown as f32 } else { pad }
 }
 
+/// By how much the boxes of faces are grown for the test of shaders/traverse/beam.glsl, in the terms of [`grown_pad`]: `pad` and 256 e (L + R).
+///
+/// If the robust slab test says of a triangle's own box that some ray meets it, the ray passes that box grown by 20 e (L + R) and less (see
+/// there). The beam's differences, inverses and products round by 7 e of what they are, which is at most L + R.
+pub fn beam_pad(pad: f32, largest: f32, reach: f64) -> f32 {
+    let largest = f64::from(largest);
+    let grown = f64::from(pad) + (largest + largest.max(reach)) * BEAM_ERROR;
+    if grown < f64::from(f32::MAX) { grown as f32 } else { pad }
+}
+
+/// 256 e.
+const BEAM_ERROR: f64 = 256.0 / 16_777_216.0;
+
 /// 40 e.
 const FUSED_ERROR: f64 = 40.0 / 16_777_216.0;
 

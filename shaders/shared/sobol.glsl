@@ -65,9 +65,13 @@ uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
 
 // A pixel has two sequences under seeds of their own, one for each half of its samples. A seed's low bits turn the first
 // digits, and pcg4d's low bits are its weak ones, alike in pixels whose numbers are near: so its halves change places.
-uvec2 sobol_seed(uint pixel, uint sample_index) {
+uvec4 sobol_seeds(uint pixel) {
     uvec4 words = pcg4d(uvec4(pixel, 0u, KEY_SOBOL, frame.seed));
-    uvec4 seeds = (words << 16) | (words >> 16);
+    return (words << 16) | (words >> 16);
+}
+
+uvec2 sobol_seed(uint pixel, uint sample_index) {
+    uvec4 seeds = sobol_seeds(pixel);
     return (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
 }
 

@@ -159,52 +159,16 @@ void run_closest() {
 
 #ifdef USES_ANY
 
+#include "beam.glsl"
+
 // Rays of an invocation under way.
 #define RAYS 8
 #define EACH_RAY(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
 
-// Each of a pixel's invocations finds the edges of two faces for all of them.
-#define FACES_AT_A_TIME (2u * SAMPLE_LANES)
-// A word more for each pixel, so that they read different banks.
-shared vec4 shared_edges[9u * WORKGROUP_SIZE];
-shared uint group_left;
 vec3 edge_start;
 
 #undef BEGIN_ANY
 #define BEGIN_ANY(works, start) edge_start = start
-
-uint edges_place(uint face) {
-    return gl_LocalInvocationIndex / SAMPLE_LANES * (4u * FACES_AT_A_TIME + 1u) + 4u * face;
-}
-
-void share_edges(uint first, uint count) {
-    barrier();
-    for (uint i = gl_LocalInvocationIndex % SAMPLE_LANES; i < count; i += SAMPLE_LANES) {
-        Edges edges = edges_from(edge_start, load_face(first + i), true);
-        uint place = edges_place(i);
-        shared_edges[place] = edges.a;
-        shared_edges[place + 1u] = edges.b;
-        shared_edges[place + 2u] = edges.c;
-        shared_edges[place + 3u] = edges.d;
-    }
-    barrier();
-}
-
-Edges shared_edges_of(uint i) {
-    uint place = edges_place(i);
-    return Edges(shared_edges[place], shared_edges[place + 1u], shared_edges[place + 2u], shared_edges[place + 3u]);
-}
-
-// Whether any invocation of the workgroup has rays left, which all have to know alike.
-bool anyone_left() {
-    if (gl_LocalInvocationIndex == 0u) group_left = 0u;
-    barrier();
-    if (any_left()) group_left = 1u;
-    barrier();
-    bool left = group_left == 1u;
-    barrier();
-    return left;
-}
 
 // Each ray by name, so that all stay in registers.
 vec3 directions[RAYS];
@@ -214,28 +178,33 @@ int most[RAYS];
 #define TEST_THREE(i) most[i] = max(most[i], least_of_three(edges, directions[i]));
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
-// Returns whether all faces were tested.
-bool test_faces() {
+// Tests the faces that some ray of the subgroup may meet. Returns whether all of them were.
+bool test_faces(Beam beam) {
     Face header = load_face(0u);
+    uint left = 0u;
     uint first = 0u;
     while (first < header.first) {
-        uint count = min(header.first - first, FACES_AT_A_TIME);
-        uint fours = min(max(header.second, first) - first, count);
-        share_edges(first + 1u, count);
-        uint i = 0u;
-        while (i < fours) {
-            Edges edges = shared_edges_of(i);
-            EACH_RAY(TEST_FOUR)
-            i++;
+        uint own = first + gl_SubgroupInvocationID;
+        Face face = load_face(1u + min(own, header.first - 1u));
+        uvec4 met = subgroupBallot(own < header.first && beam_meets(beam, face.min, face.max));
+        for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) {
+            uint waiting = met[word];
+            left += bitCount(waiting);
+            while (waiting != 0u) {
+                uint i = first + 32u * word + uint(findLSB(waiting));
+                waiting &= waiting - 1u;
+                Edges edges = edges_from(edge_start, load_face(1u + i), true);
+                if (i < header.second) {
+                    EACH_RAY(TEST_FOUR)
+                } else {
+                    EACH_RAY(TEST_THREE)
+                }
+                left--;
+            }
         }
-        while (i < count) {
-            Edges edges = shared_edges_of(i);
-            EACH_RAY(TEST_THREE)
-            i++;
-        }
-        first += i;
+        first += gl_SubgroupSize;
     }
-    return first >= header.first;
+    return first >= header.first && left == 0u;
 }
 
 // The direction of the invocation's next ray, if there is one.
@@ -250,16 +219,24 @@ vec3 next_direction(inout uint count, inout uint first_id) {
 }
 
 #define TAKE(i) directions[i] = next_direction(count, first_id); most[i] = -1;
+#define BOUND(i) bounds = Bounds(min(bounds.low, directions[i]), max(bounds.high, directions[i]));
 #define JUDGE(i) occluded |= most[i] > WITHIN ? 1u << i : 0u; open |= most[i] >= 0 ? 1u << i : 0u;
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
 #define RETIRE(i) if (uint(i) < count) retire_any(first_id + uint(i) * SAMPLE_LANES, (occluded >> i & 1u) == 1u, finished);
 
 void run_together() {
-    while (anyone_left()) {
+    bool more = any_left();
+    Bounds starts = bounds_together(Bounds(edge_start, edge_start), more);
+    more = subgroupAny(more);
+    while (more) {
         uint count = 0u;
         uint first_id = 0u;
         EACH_RAY(TAKE)
-        bool finished = test_faces();
+        Bounds bounds = Bounds(directions[0], directions[0]);
+        EACH_RAY(BOUND)
+        subgroupBarrier();
+        bounds = bounds_together(bounds, count > 0u);
+        bool finished = test_faces(beam_of(starts, bounds));
         uint occluded = 0u;
         uint open = 0u;
         EACH_RAY(JUDGE)
@@ -275,6 +252,8 @@ void run_together() {
         }
         finished = finished && unsure == 0u;
         EACH_RAY(RETIRE)
+        subgroupBarrier();
+        more = subgroupAny(any_left());
     }
 }
 

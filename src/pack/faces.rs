@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::layout::{Corners, Face};
 
@@ -22,8 +22,9 @@ const EDGES: [[usize; 3]; 3] = [[0, 2, 1], [0, 1, 2], [1, 2, 0]];
 /// grants an invocation.
 pub const MOST_TRIANGLES: usize = 4096;
 
-/// How many faces there are and how many of them have four edges, then the faces, those with four edges first.
-pub fn faces(corners: &[Corners]) -> Vec<Face> {
+/// How many faces there are and how many of them have four edges, then the faces, those with four edges first, with their boxes grown by
+/// `pad`.
+pub fn faces(corners: &[Corners], pad: f32) -> Vec<Face> {
     let mut waiting: HashMap<[[u32; 3]; 2], Vec<(usize, usize)>> = HashMap::new();
     let mut partner = vec![None; corners.len()];
     let mut quads = Vec::new();
@@ -41,13 +42,16 @@ pub fn faces(corners: &[Corners]) -> Vec<Face> {
                 let (other, of_other) = others.swap_remove(place);
                 partner[index] = Some(other);
                 partner[other] = Some(index);
-                quads.push(quad(corners, [other, index], [of_other, edge]));
+                quads.push(quad(corners, [other, index], [of_other, edge], pad));
             }
             others.push((index, edge));
         }
     }
     let alone = (0..corners.len()).filter(|&index| partner[index].is_none());
-    let alone = alone.map(|index| Face { first: index as u32, second: index as u32, ..Face::default() });
+    let alone = alone.map(|index| {
+        let [min, max] = grown_box(&corners[index..=index], pad);
+        Face { first: index as u32, second: index as u32, min, max, ..Face::default() }
+    });
     let count = (corners.len() - quads.len()) as u32;
     let header = Face { first: count, second: quads.len() as u32, ..Face::default() };
     std::iter::once(header).chain(quads.iter().copied()).chain(alone).collect()
@@ -58,14 +62,24 @@ pub fn edges_of(faces: &[Face]) -> u32 {
     faces.first().map_or(0, |header| 3 * header.first + header.second)
 }
 
-fn quad(corners: &[Corners], pair: [usize; 2], shared: [usize; 2]) -> Face {
+fn quad(corners: &[Corners], pair: [usize; 2], shared: [usize; 2], pad: f32) -> Face {
     let [first, second] = pair.map(|index| points(&corners[index]));
+    let [min, max] = grown_box(&pair.map(|index| corners[index]), pad);
     Face {
         first: pair[0] as u32,
         second: pair[1] as u32,
         seams: (shared[0] | shared[1] << 2) as u32,
         turned: u32::from(normal(first).dot(normal(second)) < 0.0),
+        min,
+        max,
+        ..Face::default()
     }
+}
+
+fn grown_box(triangles: &[Corners], pad: f32) -> [[f32; 3]; 2] {
+    let corners = || triangles.iter().flat_map(|triangle| [triangle.a, triangle.b, triangle.c]).map(Vec3::from);
+    let (min, max) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
+    [(min - pad).into(), (max + pad).into()]
 }
 
 /// Whether two triangles that share these edges are together flat and convex, and lie on either side of the shared edge.
@@ -98,7 +112,7 @@ fn bits(triangle: &Corners, corner: usize) -> [u32; 3] {
 }
 
 fn points(triangle: &Corners) -> [DVec3; 3] {
-    [triangle.a, triangle.b, triangle.c].map(|corner| glam::Vec3::from(corner).as_dvec3())
+    [triangle.a, triangle.b, triangle.c].map(|corner| Vec3::from(corner).as_dvec3())
 }
 
 fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
@@ -124,7 +138,7 @@ mod tests {
         let [first, second] = halves(SQUARE);
         let turned = triangle(second.b, second.a, second.c);
         for (other, turns) in [(second, 0), (turned, 1)] {
-            let faces = faces(&[first, other]);
+            let faces = faces(&[first, other], 0.0);
             assert_eq!((faces.len(), faces[0].first, faces[0].second), (2, 1, 1));
             assert_eq!((faces[1].first, faces[1].second, faces[1].turned), (0, 1, turns));
             // They share the diagonal.
@@ -152,7 +166,7 @@ mod tests {
         let leaning = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [1.1, 1.0, 0.0], [1.0, 1.0, 0.0]];
         let apart = [halves(SQUARE)[0], triangle([5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [5.0, 1.0, 0.0])];
         for pair in [halves(bent), halves(hollow), halves(straight), halves(leaning), folded, apart] {
-            let faces = faces(&pair);
+            let faces = faces(&pair, 0.0);
             assert_eq!((faces.len(), faces[0].first, faces[0].second), (3, 2, 0), "{pair:?}");
         }
     }
@@ -162,7 +176,7 @@ mod tests {
         let long = [[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
         let slanted = [[0.0, 0.0, 0.0], [1.0, 0.5, 0.25], [5.0, 1.5, 1.25], [4.0, 1.0, 1.0]];
         for corners in [long, slanted] {
-            assert_eq!(faces(&halves(corners)).len(), 2, "{corners:?}");
+            assert_eq!(faces(&halves(corners), 0.0).len(), 2, "{corners:?}");
         }
     }
 
@@ -171,7 +185,7 @@ mod tests {
         // A strip of eight triangles, flat: each has two neighbours to choose from.
         let at = |i: u32| [(i / 2) as f32, (i % 2) as f32, 0.0];
         let strip: Vec<_> = (0..8).map(|i| triangle(at(i), at(i + 1), at(i + 2))).collect();
-        let faces = faces(&strip);
+        let faces = faces(&strip, 0.0);
         let mut seen = vec![0; 8];
         for face in &faces[1..] {
             seen[face.first as usize] += 1;

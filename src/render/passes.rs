@@ -18,6 +18,8 @@ use crate::vk::{
 const ROOM: u64 = 1 << 21;
 /// Samples that an invocation of `split` takes: on a GPU few, so that many are under way and none lasts long.
 const GPU_BLOCK: u32 = 4;
+/// The same where an invocation tests faces for many rays at a time.
+const FACES_BLOCK: u32 = 64;
 /// Offset of the second sizes in [`ListArguments`].
 const PIXEL_SIZES: u64 = 16;
 /// Dispatches of a range at most.
@@ -29,6 +31,7 @@ fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
     match (device, plan.settings.accumulator) {
         (DeviceKind::Cpu, _) => 1024,
         (_, Accumulator::Count) if plan.sample_lanes() > 1 => plan.sample_lanes() * SAMPLES_A_LANE,
+        (_, Accumulator::Count) if plan.finds_edges() => FACES_BLOCK,
         (_, Accumulator::Count) => GPU_BLOCK,
         _ => 1,
     }

@@ -205,6 +205,11 @@ impl<'a> Plan<'a> {
         if one_by_one { 1 } else { self.settings.method.rays_together() }
     }
 
+    /// Whether the edges of faces are found for many rays at a time.
+    pub fn finds_edges(&self) -> bool {
+        self.face_corners.is_some()
+    }
+
     /// Invocations that share a pixel's samples.
     pub fn sample_lanes(&self) -> u32 {
         self.constants.iter().find(|(id, _)| *id == layout::SPEC_SAMPLE_LANES).map_or(1, |(_, lanes)| *lanes)
@@ -274,7 +279,9 @@ impl<'a> Plan<'a> {
     /// The tree's nodes as the kernel reads them, bytes; for `brute`, which reads none, the faces, or a word.
     pub fn node_bytes(&self) -> Vec<u8> {
         if let Some(corners) = self.face_corners {
-            return bytemuck::cast_slice(&pack::faces(corners)).to_vec();
+            let reach = self.reach.max(self.any_reach);
+            let pad = pack::beam_pad(self.frame.box_pad, self.frame.largest, reach);
+            return bytemuck::cast_slice(&pack::faces(corners, pad)).to_vec();
         }
         pack::node_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed(), self.node_pad())
     }
@@ -348,7 +355,7 @@ fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
     let any_order = settings.passes == Passes::Split
         && settings.accumulator == Accumulator::Count
         && settings.sampler != Sampler::Lcg
-        && !matches!(settings.method, Method::Packet | Method::Bundle)
+        && !matches!(settings.method, Method::Packet | Method::Bundle | Method::Brute)
         && !settings.preset.is_original();
     if !any_order {
         return 1;

@@ -138,7 +138,7 @@ mod tests {
                     (Triangle::new(a.into(), id as u32, (b - a).into(), (c - a).into()), [a, b, c])
                 })
                 .unzip();
-            let faces = faces(&corners);
+            let faces = faces(&corners, 0.0);
             quads += faces[0].second;
             let scene = Scene::of(triangles.clone());
             let inputs = scene.by(Traversal::Brute);
