@@ -1,0 +1,55 @@
+// What a subgroup's rays have in common: their starts lie in one box, their directions in another, and what no such ray could
+// meet none of them does (interval arithmetic on packets: Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for
+// Entire Ray Packets", 2006).
+
+// Farther than any scene.
+#define NOWHERE 1e30
+// Stands for a direction's component of 0, on the side that lets more through.
+#define LEAST_COMPONENT 1e-20
+
+struct Bounds {
+    vec3 low;
+    vec3 high;
+};
+
+// Integers that compare as the floats do, and back: GPUs reduce integers over a subgroup at once.
+ivec3 comparable(vec3 x) {
+    ivec3 bits = floatBitsToInt(x);
+    return bits ^ ((bits >> 31) & 0x7fffffff);
+}
+
+vec3 from_comparable(ivec3 bits) { return intBitsToFloat(bits ^ ((bits >> 31) & 0x7fffffff)); }
+
+// Of all lanes' bounds; those that do not take part may have any.
+Bounds bounds_together(Bounds own, bool takes_part) {
+    ivec3 low = comparable(takes_part ? own.low : vec3(NOWHERE));
+    ivec3 high = comparable(takes_part ? own.high : vec3(-NOWHERE));
+    return Bounds(from_comparable(subgroupMin(low)), from_comparable(subgroupMax(high)));
+}
+
+struct Beam {
+    Bounds starts;
+    // Of the directions' bounds, without zeros.
+    vec3 low;
+    vec3 high;
+    vec3 low_inverse;
+    vec3 high_inverse;
+};
+
+Beam beam_of(Bounds starts, Bounds directions) {
+    vec3 low = mix(directions.low, vec3(-LEAST_COMPONENT), lessThan(abs(directions.low), vec3(LEAST_COMPONENT)));
+    vec3 high = mix(directions.high, vec3(LEAST_COMPONENT), lessThan(abs(directions.high), vec3(LEAST_COMPONENT)));
+    return Beam(starts, low, high, 1.0 / low, 1.0 / high);
+}
+
+// Whether some ray of the beam may meet the box, which has to be grown by what this errs. After t, rays of the beam lie between starts.low + t low and starts.high +
+// t high: so t is bounded by where the one leaves the box and where the other enters it.
+bool beam_meets(Beam beam, vec3 box_low, vec3 box_high) {
+    vec3 below = (box_high - beam.starts.low) * beam.low_inverse;
+    vec3 above = (box_low - beam.starts.high) * beam.high_inverse;
+    bvec3 low_rises = greaterThan(beam.low, vec3(0.0));
+    bvec3 high_rises = greaterThan(beam.high, vec3(0.0));
+    vec3 enter = max(mix(below, vec3(0.0), low_rises), mix(vec3(0.0), above, high_rises));
+    vec3 leave = min(mix(vec3(NOWHERE), below, low_rises), mix(above, vec3(NOWHERE), high_rises));
+    return max(max(max(enter.x, enter.y), enter.z), 0.0) <= min(min(leave.x, leave.y), leave.z);
+}
