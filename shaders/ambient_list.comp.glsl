@@ -98,6 +98,18 @@ void retire_any(uint id, bool occluded, bool finished) {
     }
 }
 
+#ifdef SHARES_START
+// The samples that invocations of this workgroup may have, the same for all of it.
+uvec2 sample_span() {
+    uint begin = range.sample_begin + gl_WorkGroupID.z * range.block;
+    return uvec2(begin, min(begin + range.block, range.sample_end));
+}
+
+bool has_sample(uint id) { return id >= sample_next && id < sample_end; }
+
+vec3 direction_of(uint id) { return ambient_ray(surface, next_numbers(id)).direction; }
+#endif
+
 #include "traverse"
 
 // What the invocations of a pixel found, added up: escaped rays of either half, and whether any ray came to no end.

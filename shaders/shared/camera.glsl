@@ -32,7 +32,7 @@ Ray camera_ray_through(vec2 raster) {
 vec2 pixel_place(uint pixel) {
     if (!JITTERED) return vec2(frame.pixel_shift);
     uvec2 keys = pcg4d(uvec4(pixel % frame.pixels, 0u, KEY_CAMERA, frame.seed)).xy;
-    return unit_floats(sobol_bits(pixel / frame.pixels, keys));
+    return unit_floats(sobol_bits(sobol_digits(pixel / frame.pixels), keys));
 }
 
 Ray camera_ray(uint pixel) {

@@ -18,8 +18,8 @@ uint pascal_product(uint index) {
 // practical by Burley (2020), with the better constants of Vegdahl (2021). Seeds must be random words.
 uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
     digits ^= digits * 0x3d20adeau;
-    digits += seed;
-    digits *= (seed >> 16) | 1u;
+    uvec2 odd = (seed >> 16) | 1u;
+    digits = digits * odd + seed * odd;
     digits ^= digits * 0x05526c56u;
     digits ^= digits * 0x53a22864u;
     return digits;
@@ -28,9 +28,9 @@ uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
 // Burley also shuffles the indices, so that pairs of dimensions under several seeds can be joined. There is only one pair
 // here, and scrambling alone makes each point uniform and other seeds' points independent; so a point's
 // place is its index, and no index is too large.
-uvec2 sobol_bits(uint index, uvec2 seed) {
-    return bitfieldReverse(owen_scramble(uvec2(index, pascal_product(index)), seed));
-}
+uvec2 sobol_digits(uint index) { return uvec2(index, pascal_product(index)); }
+
+uvec2 sobol_bits(uvec2 digits, uvec2 seed) { return bitfieldReverse(owen_scramble(digits, seed)); }
 
 // The order of a half's points. Where the samples of a go are a whole net, they are taken cell by cell of a grid of 4 x 8 over
 // the unit square, which is the same for all pixels, so that neighbouring lanes' rays stay together. It is the same points
@@ -47,20 +47,23 @@ uvec2 unscrambled(uvec2 cell, uvec2 seed) {
     return (digits ^ (digits << 1) ^ (digits << 2)) & 7u;
 }
 
-// The index of point `place` in that order of 2^bits points from `first` on. The cell's digits of the first dimension are the
-// index's lowest two bits. Those of the second are sums of index bits (the rows of Pascal's triangle), which are
-// solved for the next three bits.
-uint sobol_index(uint first, uint place, uint bits, uvec2 seed) {
+// The digits (index and second dimension) of point `place` in that order of 2^bits points from `first` on, which is a multiple of that. The cell's
+// digits of the first dimension are the index's lowest two bits. Those of the second are sums of index bits (the rows of Pascal's
+// triangle), which are solved for the next three bits. Being sums, they are those of the bits below 32 and of those
+// from there on, which are the same for all pixels.
+uvec2 sobol_digits_by_cell(uint first, uint place, uint bits, uvec2 seed) {
     uint inner = bits - SOBOL_CELL_BITS;
     // The first bit of a cell's number halves the azimuth, the next one the height, and so on: what comes in a row lies together.
     uint cell = place >> inner;
     uvec2 wanted = unscrambled(uvec2((cell >> 3 & 1u) | (cell & 2u), (cell >> 4) | (cell >> 1 & 2u) | (cell << 2 & 4u)), seed);
-    uint index = first + ((place & ((1u << inner) - 1u)) << SOBOL_CELL_BITS) + (wanted.x & 3u);
-    uint missing = pascal_product(index) ^ wanted.y;
-    uint bit3 = (missing >> 1) & 1u;
-    uint bit2 = ((missing >> 2) & 1u) ^ bit3;
-    uint bit4 = (missing & 1u) ^ bit2 ^ bit3;
-    return index + (bit2 << 2) + (bit3 << 3) + (bit4 << 4);
+    uint high = first + ((place & ((1u << inner) - 1u)) << SOBOL_CELL_BITS);
+    uint second = pascal_product(high);
+    uint low = wanted.x & 3u;
+    uint missing = second ^ wanted.y ^ low ^ (low >> 1);
+    uint bit2 = (missing ^ (missing << 1)) & 4u;
+    uint bit3 = (missing << 2) & 8u;
+    uint bit4 = ((missing << 4) ^ (missing << 2)) & 16u;
+    return uvec2(high | low | bit2 | bit3 | bit4, (second & ~7u) ^ wanted.y ^ bit3 ^ bit4);
 }
 
 // A pixel has two sequences under seeds of their own, one for each half of its samples. A seed's low bits turn the first
@@ -80,8 +83,13 @@ vec2 sobol_point(uvec2 seed, uint sample_index, uvec2 set) {
     uint index = sample_index >> 1;
     uint samples = set.y - set.x;
     bool whole_net = REPEAT == 0u && samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
-    if (whole_net) index = sobol_index(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
-    return unit_floats(sobol_bits(index, seed));
+    uvec2 digits;
+    if (whole_net) {
+        digits = sobol_digits_by_cell(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
+    } else {
+        digits = sobol_digits(index);
+    }
+    return unit_floats(sobol_bits(digits, seed));
 }
 
 vec2 sobol_numbers(uint pixel, uint sample_index, uvec2 set) {

@@ -176,6 +176,7 @@ vec3 directions[RAYS];
 int most[RAYS];
 
 #define TEST_THREE(i) most[i] = max(most[i], least_of_three(edges, directions[i]));
+#define LEAST(i) least = min(least, most[i]);
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
 // Tests the faces that some ray of the subgroup may meet. Returns whether all of them were.
@@ -200,6 +201,13 @@ bool test_faces(Beam beam) {
                     EACH_RAY(TEST_THREE)
                 }
                 left--;
+#ifdef VARIANT
+                if (VARIANT == 1) {
+                    int least = most[0];
+                    EACH_RAY(LEAST)
+                    if (subgroupAll(least > WITHIN)) { waiting = 0u; left = 0u; word = 4u; first = header.first; }
+                }
+#endif
             }
         }
         first += gl_SubgroupSize;
@@ -207,40 +215,28 @@ bool test_faces(Beam beam) {
     return first >= header.first && left == 0u;
 }
 
-// The direction of the invocation's next ray, if there is one.
-vec3 next_direction(inout uint count, inout uint first_id) {
-    Ray ray;
-    bool occluded;
-    uint id;
-    bool more = next_any(ray, occluded, id);
-    if (count == 0u) first_id = id;
-    count += more ? 1u : 0u;
-    return ray.direction;
-}
-
-#define TAKE(i) directions[i] = next_direction(count, first_id); most[i] = -1;
+#define TAKE(i) directions[i] = direction_of(first_id + uint(i)); wants |= has_sample(first_id + uint(i)) ? 1u << i : 0u; most[i] = -1;
 #define BOUND(i) bounds = Bounds(min(bounds.low, directions[i]), max(bounds.high, directions[i]));
 #define JUDGE(i) occluded |= most[i] > WITHIN ? 1u << i : 0u; open |= most[i] >= 0 ? 1u << i : 0u;
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
-#define RETIRE(i) if (uint(i) < count) retire_any(first_id + uint(i) * SAMPLE_LANES, (occluded >> i & 1u) == 1u, finished);
+#define RETIRE(i) if ((wants >> i & 1u) == 1u) retire_any(first_id + uint(i), (occluded >> i & 1u) == 1u, finished);
 
+// Samples have the same numbers in all invocations, so that what follows from a sample's number alone is found once.
 void run_together() {
-    bool more = any_left();
-    Bounds starts = bounds_together(Bounds(edge_start, edge_start), more);
-    more = subgroupAny(more);
-    while (more) {
-        uint count = 0u;
-        uint first_id = 0u;
+    Bounds starts = bounds_together(Bounds(edge_start, edge_start), any_left());
+    uvec2 span = sample_span();
+    for (uint first_id = span.x; first_id < span.y; first_id += RAYS) {
+        uint wants = 0u;
         EACH_RAY(TAKE)
         Bounds bounds = Bounds(directions[0], directions[0]);
         EACH_RAY(BOUND)
         subgroupBarrier();
-        bounds = bounds_together(bounds, count > 0u);
+        bounds = bounds_together(bounds, wants != 0u);
         bool finished = test_faces(beam_of(starts, bounds));
         uint occluded = 0u;
         uint open = 0u;
         EACH_RAY(JUDGE)
-        uint unsure = open & ~occluded & ((1u << count) - 1u);
+        uint unsure = open & ~occluded & wants;
         while (unsure != 0u) {
             int place = findLSB(unsure);
             unsure &= unsure - 1u;
@@ -253,7 +249,6 @@ void run_together() {
         finished = finished && unsure == 0u;
         EACH_RAY(RETIRE)
         subgroupBarrier();
-        more = subgroupAny(any_left());
     }
 }
 
