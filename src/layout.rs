@@ -170,19 +170,35 @@ records! {
         child6: int,
         child7: int,
     }
-    /// A triangle, or two that make a flat convex quadrilateral, by their places in the array; the edge that each shares with the
-    /// other (two bits each, the first one's below), and whether they are wound unlike. For a triangle `second` is `first`. The array begins
-    /// with a record of how many faces there are, and how many of them have four edges. The box around it is grown by what the test of
-    /// shaders/traverse/beam.glsl may err.
+    /// A triangle, or two that make a flat convex quadrilateral: the box around it, grown by what the test of shaders/traverse/beam.glsl may err;
+    /// their places in the array, `second` with [`FACE_TURNED`] where they are wound unlike, the same as `first` where there is no other; the
+    /// triangles' planes and the edges' functions (see shaders/traverse/edges.glsl). The array begins with a record of how many faces there
+    /// are, and how many of them have four edges.
     Face {
-        first: uint,
-        second: uint,
-        seams: uint,
-        turned: uint,
         min: vec3,
-        _unused0: uint,
+        first: uint,
         max: vec3,
-        _unused1: uint,
+        second: uint,
+        normal0: vec3,
+        offset0: float,
+        normal1: vec3,
+        offset1: float,
+        along_a: vec3,
+        moment_ax: float,
+        along_b: vec3,
+        moment_ay: float,
+        along_c: vec3,
+        moment_az: float,
+        along_d: vec3,
+        moment_bx: float,
+        moment_by: float,
+        moment_bz: float,
+        moment_cx: float,
+        moment_cy: float,
+        moment_cz: float,
+        moment_dx: float,
+        moment_dy: float,
+        moment_dz: float,
     }
     /// Four children with their boxes, side by side: min_x0 to min_x3 are one word. A reference is that of a node or of a leaf, as
     /// in [`PairNode`]. An empty slot repeats the first one's reference, with a box out of reach.
@@ -459,6 +475,8 @@ constants! {
 
     /// Pixels of a workgroup of the list: whole tiles, and no more than every device can run.
     LIST_SIZE = 128;
+    /// In a face's second triangle: it is wound unlike the first.
+    FACE_TURNED = 0x8000_0000;
 
     /// Counters are spread over this many slots, so that workgroups seldom meet on one.
     COUNTER_SLOTS = 64;

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
-pub use faces::{MOST_TRIANGLES as MOST_FACES, edges_of, faces};
+pub use faces::{MOST_TRIANGLES as MOST_FACES, Pair, edges_of, faces, pairs};
 pub use quad::{quad_children, quad_nodes};
 pub use wide::{validate_wide, wide_child, wide_nodes, wide_scale, wide_sides};
 

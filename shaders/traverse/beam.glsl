@@ -53,3 +53,10 @@ bool beam_meets(Beam beam, vec3 box_low, vec3 box_high) {
     vec3 leave = min(mix(vec3(NOWHERE), below, low_rises), mix(above, vec3(NOWHERE), high_rises));
     return max(max(max(enter.x, enter.y), enter.z), 0.0) <= min(min(leave.x, leave.y), leave.z);
 }
+
+// Which of the next faces, a lane's each, some ray of the beam may meet.
+uvec4 faces_met(Beam beam, uint first, uint faces) {
+    uint own = first + gl_SubgroupInvocationID;
+    Face face = load_face(1u + min(own, faces - 1u));
+    return subgroupBallot(own < faces && beam_meets(beam, face.min, face.max));
+}

@@ -1,149 +1,64 @@
-// All faces against rays that start at one point: a pixel's ambient rays, or the camera's. Seen from there a face is what the
-// planes through the point and its edges enclose, and whether a direction lies within is the sign of a product for each edge
+// Faces against rays that start at one point, a pixel's ambient rays. Seen from there a face is what the planes through the point
+// and its edges enclose, and whether a direction lies within is the sign of a product for each edge
 // (edge functions: Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988; in three dimensions: Davidovic, Engelhardt,
 // Georgiev, Slusallek and Dachsbacher, "3D Rasterization: A Bridge between Rasterization and Ray Casting", 2012). They are found
-// once for all of a pixel's rays. A ray clearly within some face is occluded, one clearly outside of all is not, and what is
-// left, next to an edge or in a plane, is asked of the exact test: so the answers are those of `any_hit`.
+// once for many of a pixel's rays, and only of the faces that rays of the subgroup may meet. A ray clearly within some face is occluded, one
+// clearly outside of all is not, and what is left, next to an edge or in a plane, is asked of the exact test: so the answers
+// are those of `any_hit`.
 //
 // Only for the conservative intersector, since no ray passes between two triangles of a face then.
 // Twin: src/reference/traverse/edges.rs.
 
+#include "beam.glsl"
+
 // Edge functions are measured in the most that rounding may change them, and moved up by 1, so that below 0 a direction is
-// outside and above 2 within. In sizes of start, edges and direction that is 2^-17: eight times S, what `error_of` grants
-// for the three together, with the sum of a direction's components at most 1.74. What the exact test accepts lies within
-// 2 S of the triangle, for it errs by S and grants it; a face's own edges may be passed by 2.25 times that (LEANS of
-// src/pack/faces.rs), lie S / 2 beside it (FLAT), and round by 1.3 S here.
-#define EDGE_ERROR 7.62939453125e-6
-// Of a plane through the start the twin's sign of t decides which side counts, and a hit may be lost to its own box. Then
-// edge functions shrink by 2^-20, so that they never reach 2.
+// outside and above 2 within. In sizes of start, edges and direction that is 2^-17 (EDGE_ERROR of src/pack/faces.rs): eight times S, what
+// `error_of` grants for the three together, with the sum of a direction's components at most 1.74. What the exact test accepts lies within
+// 2 S of the triangle, for it errs by S and grants it; a face's own edges may be passed by 2.25 times that (LEANS there),
+// lie S / 2 beside it (FLAT), and round by S here: e = 2^-24 of the size for the moment, as much for its two products and three times
+// for the sums, nine times with the direction, and seven times for the product with it. A start counts with the most that it may be, L + R.
+//
+// Planes are measured in 2^-17 of the same. Of a plane nearer to the start than that the twin's sign of t decides which side counts, and a hit
+// may be lost to its own box. Then edge functions shrink by 2^-20, so that they never reach 2.
 #define NEAR_SCALE 9.5367431640625e-7
 // 2 as bits.
 #define WITHIN 0x40000000
 
-// Whether faces are there for these choices: otherwise nothing stands where their number does. Of bounded rays nothing
-// would be sure.
-bool takes_faces(bool bounded) {
-    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !bounded && load_face(0u).first > 0u;
-}
+// Whether faces are there for these choices: otherwise nothing stands where their number does.
+bool takes_faces() { return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && load_face(0u).first > 0u; }
 
-// A triangle as seen from the start.
-struct Side {
-    // Zero along the edges ac, ab and bc, positive within.
-    vec3 u;
-    vec3 v;
-    vec3 w;
-    float error;
-    // On which side of the plane the start lies.
-    bool below;
-    // Too close to the plane to tell.
-    bool near;
-};
-
-Side side_from(vec3 start, Triangle triangle) {
-    precise vec3 s = start - triangle.a;
-    vec3 q = cross3(s, triangle.ab);
-    // As meets_moller rounds it.
-    float volume = dot3(triangle.ac, q);
-    float size = max_abs(s);
-    float product = triangle.ab_sum * triangle.ac_sum;
-    Side side;
-    side.below = volume < 0.0;
-    side.near = abs(volume) < EDGE_ERROR * size * product;
-    side.error = EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product);
-    float sign = side.below ? -1.0 : 1.0;
-    side.u = cross(triangle.ac, s) * sign;
-    side.v = q * sign;
-    side.w = cross(triangle.ac, triangle.ab) * sign - side.u - side.v;
-    return side;
-}
-
-// Of a face, three or four edge functions of a direction; `w` is added to the products.
-struct Edges {
-    vec4 a;
-    vec4 b;
-    vec4 c;
-    vec4 d;
-};
-
-// With `sure` false nothing is within.
-Edges edges_from(vec3 start, Face face, bool sure) {
-    Side first = side_from(start, load_edges(int(face.first)));
-    Side second = first;
-    if (face.second != face.first) second = side_from(start, load_edges(int(face.second)));
-    bool near = !sure || first.near || second.near;
-    float scale = (near ? NEAR_SCALE : 1.0) / max(max(first.error, second.error), 1e-30);
-    float base = near ? NEAR_SCALE : 1.0;
-    // From between the two planes nothing is clear.
-    if (first.below != (second.below != (face.turned == 1u))) {
-        scale = 0.0;
-        base = 1.0;
-    }
-    uint first_shared = face.seams & 3u;
-    uint second_shared = face.seams >> 2;
-    if (face.second == face.first) {
-        return Edges(vec4(first.u * scale, base), vec4(first.v * scale, base), vec4(first.w * scale, base), vec4(0.0));
-    }
-    return Edges(vec4((first_shared == 0u ? first.v : first.u) * scale, base),
-                 vec4((first_shared == 2u ? first.v : first.w) * scale, base),
-                 vec4((second_shared == 0u ? second.v : second.u) * scale, base),
-                 vec4((second_shared == 2u ? second.v : second.w) * scale, base));
-}
-
-// As bits, which have the floats' order where it counts: above 0.
-int edge(vec4 side, vec3 direction) {
-    return floatBitsToInt(side.x * direction.x + (side.y * direction.y + (side.z * direction.z + side.w)));
-}
-
-int least_of_three(Edges edges, vec3 direction) {
-    return min(min(edge(edges.a, direction), edge(edges.b, direction)), edge(edges.c, direction));
-}
-
-int least_of_four(Edges edges, vec3 direction) {
-    return min(least_of_three(edges, direction), edge(edges.d, direction));
-}
+int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
 
 #ifdef USES_CLOSEST
 
-// Of a workgroup's camera rays, which start at one point: each invocation finds the edges of a face for all of them.
-shared vec4 camera_edges[4u * WORKGROUP_SIZE];
-
+// Of the faces that some ray of the subgroup may meet.
 bool closest_together(bool works, Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
-    // Of any length: the errors are those of short directions.
-    vec3 direction = ray.direction / dot(abs(ray.direction), vec3(1.0));
-    uint lane = gl_LocalInvocationIndex;
+    Bounds starts = bounds_together(Bounds(ray.origin, ray.origin), works);
+    Beam beam = beam_of(starts, bounds_together(Bounds(ray.direction, ray.direction), works));
     uint faces = load_face(0u).first;
+    uint left = 0u;
     uint first = 0u;
     while (first < faces) {
-        uint count = min(faces - first, WORKGROUP_SIZE);
-        barrier();
-        if (lane < count) {
-            Edges edges = edges_from(frame.origin, load_face(1u + first + lane), false);
-            camera_edges[4u * lane] = edges.a;
-            camera_edges[4u * lane + 1u] = edges.b;
-            camera_edges[4u * lane + 2u] = edges.c;
-            camera_edges[4u * lane + 3u] = edges.d;
-        }
-        barrier();
-        uint i = 0u;
-        while (i < count) {
-            uint place = 4u * i;
-            Edges edges = Edges(camera_edges[place], camera_edges[place + 1u], camera_edges[place + 2u], camera_edges[place + 3u]);
-            if (works && least_of_four(edges, direction) >= 0) {
-                Face face = load_face(1u + first + i);
+        uvec4 met = faces_met(beam, first, faces);
+        for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) {
+            uint waiting = met[word];
+            left += bitCount(waiting);
+            while (waiting != 0u) {
+                Face face = load_face(1u + first + 32u * word + uint(findLSB(waiting)));
+                waiting &= waiting - 1u;
                 closest_of_triangle(ray, slabs, int(face.first), hit);
-                if (face.second != face.first) closest_of_triangle(ray, slabs, int(face.second), hit);
+                if (face.second != face.first) closest_of_triangle(ray, slabs, second_place(face), hit);
+                left--;
             }
-            i++;
         }
-        first += i;
+        first += gl_SubgroupSize;
     }
-    return first >= faces;
+    return first >= faces && left == 0u;
 }
 
 void run_closest() {
-    bool one_eye = frame.origin_dx == vec3(0.0) && frame.origin_dy == vec3(0.0);
-    if (!(takes_faces(false) && one_eye)) {
+    if (!takes_faces()) {
         run_each_closest();
         return;
     }
@@ -151,6 +66,7 @@ void run_closest() {
     Hit hit;
     uint id;
     bool works = next_closest(ray, hit, id);
+    subgroupBarrier();
     bool finished = closest_together(works, ray, hit);
     if (works) retire_closest(id, hit, finished);
 }
@@ -159,7 +75,54 @@ void run_closest() {
 
 #ifdef USES_ANY
 
-#include "beam.glsl"
+// Of a face, three or four edge functions of a direction; `base` is added to the products.
+struct Edges {
+    vec3 a;
+    vec3 b;
+    vec3 c;
+    vec3 d;
+    float base;
+};
+
+// Whether the exact test's t of rays that leave the plane upwards is below 0: as meets_moller rounds it.
+bool below_plane(vec3 start, int index) {
+    Triangle triangle = load_edges(index);
+    precise vec3 s = start - triangle.a;
+    return dot3(triangle.ac, cross3(s, triangle.ab)) < 0.0;
+}
+
+Edges edges_from(vec3 start, Face face) {
+    float first = dot(face.normal0, start) + face.offset0;
+    float second = dot(face.normal1, start) + face.offset1;
+    float sign = first < 0.0 ? -1.0 : 1.0;
+    float base = 1.0;
+    if (min(abs(first), abs(second)) < 1.0 || (first < 0.0) != (second < 0.0)) {
+        bool first_below = below_plane(start, int(face.first));
+        bool second_below = below_plane(start, second_place(face)) != (face.second >= FACE_TURNED);
+        base = NEAR_SCALE;
+        // From between the two planes nothing is clear.
+        sign = first_below != second_below ? 0.0 : first_below ? -NEAR_SCALE : NEAR_SCALE;
+    }
+    vec3 point = start * sign;
+    return Edges(cross(point, face.along_a) + sign * vec3(face.moment_ax, face.moment_ay, face.moment_az),
+                 cross(point, face.along_b) + sign * vec3(face.moment_bx, face.moment_by, face.moment_bz),
+                 cross(point, face.along_c) + sign * vec3(face.moment_cx, face.moment_cy, face.moment_cz),
+                 cross(point, face.along_d) + sign * vec3(face.moment_dx, face.moment_dy, face.moment_dz), base);
+}
+
+// As bits, which have the floats' order where it counts: above 0.
+int edge(vec3 side, vec3 direction, float base) {
+    return floatBitsToInt(side.x * direction.x + (side.y * direction.y + (side.z * direction.z + base)));
+}
+
+int least_of_three(Edges edges, vec3 direction) {
+    return min(min(edge(edges.a, direction, edges.base), edge(edges.b, direction, edges.base)),
+               edge(edges.c, direction, edges.base));
+}
+
+int least_of_four(Edges edges, vec3 direction) {
+    return min(least_of_three(edges, direction), edge(edges.d, direction, edges.base));
+}
 
 // Rays of an invocation under way.
 #define RAYS 8
@@ -176,7 +139,6 @@ vec3 directions[RAYS];
 int most[RAYS];
 
 #define TEST_THREE(i) most[i] = max(most[i], least_of_three(edges, directions[i]));
-#define LEAST(i) least = min(least, most[i]);
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
 // Tests the faces that some ray of the subgroup may meet. Returns whether all of them were.
@@ -185,29 +147,20 @@ bool test_faces(Beam beam) {
     uint left = 0u;
     uint first = 0u;
     while (first < header.first) {
-        uint own = first + gl_SubgroupInvocationID;
-        Face face = load_face(1u + min(own, header.first - 1u));
-        uvec4 met = subgroupBallot(own < header.first && beam_meets(beam, face.min, face.max));
+        uvec4 met = faces_met(beam, first, header.first);
         for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) {
             uint waiting = met[word];
             left += bitCount(waiting);
             while (waiting != 0u) {
                 uint i = first + 32u * word + uint(findLSB(waiting));
                 waiting &= waiting - 1u;
-                Edges edges = edges_from(edge_start, load_face(1u + i), true);
+                Edges edges = edges_from(edge_start, load_face(1u + i));
                 if (i < header.second) {
                     EACH_RAY(TEST_FOUR)
                 } else {
                     EACH_RAY(TEST_THREE)
                 }
                 left--;
-#ifdef VARIANT
-                if (VARIANT == 1) {
-                    int least = most[0];
-                    EACH_RAY(LEAST)
-                    if (subgroupAll(least > WITHIN)) { waiting = 0u; left = 0u; word = 4u; first = header.first; }
-                }
-#endif
             }
         }
         first += gl_SubgroupSize;
@@ -253,7 +206,8 @@ void run_together() {
 }
 
 void run_any() {
-    if (takes_faces(frame.ambient_t_max < UNBOUNDED)) {
+    // Of bounded rays nothing would be sure.
+    if (takes_faces() && frame.ambient_t_max >= UNBOUNDED) {
         run_together();
     } else {
         run_each_any();

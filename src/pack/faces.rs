@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
-use crate::layout::{Corners, Face};
+use crate::layout::{Corners, FACE_TURNED, Face, Triangle};
 
 /// How far a fourth corner may lie off the plane of the other three, and how straight a corner must not be, in parts of the
 /// smaller triangle: 2^-21, a sixteenth of what shaders/traverse/edges.glsl leaves open around an edge.
@@ -22,12 +22,32 @@ const EDGES: [[usize; 3]; 3] = [[0, 2, 1], [0, 1, 2], [1, 2, 0]];
 /// grants an invocation.
 pub const MOST_TRIANGLES: usize = 4096;
 
-/// How many faces there are and how many of them have four edges, then the faces, those with four edges first, with their boxes grown by
-/// `pad`.
-pub fn faces(corners: &[Corners], pad: f32) -> Vec<Face> {
+/// 2^-17: the sizes of start, edges and direction times this are what an edge function may err and must leave open, see
+/// shaders/traverse/edges.glsl.
+const EDGE_ERROR: f64 = 1.0 / 131_072.0;
+
+/// Which triangles make a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// Places of the triangles; the same twice for one alone.
+    pub places: [usize; 2],
+    /// The edge of each that it shares with the other, by its number in [`EDGES`].
+    shared: [usize; 2],
+    /// Whether they are wound unlike.
+    turned: bool,
+}
+
+impl Pair {
+    fn is_alone(&self) -> bool {
+        self.places[0] == self.places[1]
+    }
+}
+
+/// The faces, those with four edges first.
+pub fn pairs(corners: &[Corners]) -> Vec<Pair> {
     let mut waiting: HashMap<[[u32; 3]; 2], Vec<(usize, usize)>> = HashMap::new();
     let mut partner = vec![None; corners.len()];
-    let mut quads = Vec::new();
+    let mut pairs = Vec::new();
     for (index, triangle) in corners.iter().enumerate() {
         for (edge, [from, to, _]) in EDGES.into_iter().enumerate() {
             let mut key = [bits(triangle, from), bits(triangle, to)];
@@ -42,42 +62,118 @@ pub fn faces(corners: &[Corners], pad: f32) -> Vec<Face> {
                 let (other, of_other) = others.swap_remove(place);
                 partner[index] = Some(other);
                 partner[other] = Some(index);
-                quads.push(quad(corners, [other, index], [of_other, edge], pad));
+                let [first, second] = [other, index].map(|place| normal(points(&corners[place])));
+                pairs.push(Pair {
+                    places: [other, index],
+                    shared: [of_other, edge],
+                    turned: first.dot(second) < 0.0,
+                });
             }
             others.push((index, edge));
         }
     }
     let alone = (0..corners.len()).filter(|&index| partner[index].is_none());
-    let alone = alone.map(|index| {
-        let [min, max] = grown_box(&corners[index..=index], pad);
-        Face { first: index as u32, second: index as u32, min, max, ..Face::default() }
+    pairs.extend(alone.map(|index| Pair { places: [index; 2], shared: [0; 2], turned: false }));
+    pairs
+}
+
+/// Edges of all faces.
+pub fn edges_of(pairs: &[Pair]) -> u32 {
+    pairs.iter().map(|pair| if pair.is_alone() { 3 } else { 4 }).sum()
+}
+
+/// The faces as the shaders read them, after their header. Boxes are grown by `pad`; `size` is the most that the largest component of a
+/// start's difference from a corner may be, L + R in the terms of [`crate::pack::grown_pad`].
+pub fn faces(pairs: &[Pair], triangles: &[Triangle], pad: f32, size: f64) -> Vec<Face> {
+    let fours = pairs.iter().filter(|pair| !pair.is_alone()).count();
+    let header = Face { first: pairs.len() as u32, second: fours as u32, ..Face::default() };
+    std::iter::once(header).chain(pairs.iter().map(|pair| face(pair, triangles, pad, size))).collect()
+}
+
+/// What of a start p the function of an edge is linear in: the direction's factor is moment + p x along.
+#[derive(Clone, Copy, Default)]
+struct EdgeFunction {
+    along: DVec3,
+    moment: DVec3,
+}
+
+/// Those of the edges ac, ab and bc, as [`EDGES`] numbers them, above 0 within if the triangle's plane is above 0 at the start.
+fn edge_functions(triangle: &Triangle) -> [EdgeFunction; 3] {
+    let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(|v| Vec3::from(v).as_dvec3());
+    let u = EdgeFunction { along: -ac, moment: a.cross(ac) };
+    let v = EdgeFunction { along: ab, moment: ab.cross(a) };
+    let w = EdgeFunction { along: -u.along - v.along, moment: ac.cross(ab) - u.moment - v.moment };
+    [u, v, w]
+}
+
+fn face(pair: &Pair, triangles: &[Triangle], pad: f32, size: f64) -> Face {
+    let both = pair.places.map(|place| &triangles[place]);
+    let sums = both.map(|triangle| [triangle.ab_sum, triangle.ac_sum].map(f64::from));
+    let product = |[ab, ac]: [f64; 2]| ab * ac;
+    let error = sums.map(|[ab, ac]| size * (ab + ac) + ab * ac).into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    // The second triangle's as if it were wound like the first.
+    let turns = [1.0, if pair.turned { -1.0 } else { 1.0 }];
+    let planes = [0, 1].map(|i| {
+        let [a, ab, ac] = [both[i].a, both[i].ab, both[i].ac].map(|v| Vec3::from(v).as_dvec3());
+        let normal = ab.cross(ac) * turns[i] / (EDGE_ERROR * size * product(sums[i])).max(f64::MIN_POSITIVE);
+        (normal, -a.dot(normal))
     });
-    let count = (corners.len() - quads.len()) as u32;
-    let header = Face { first: count, second: quads.len() as u32, ..Face::default() };
-    std::iter::once(header).chain(quads.iter().copied()).chain(alone).collect()
-}
-
-/// Edges of all faces, from their header.
-pub fn edges_of(faces: &[Face]) -> u32 {
-    faces.first().map_or(0, |header| 3 * header.first + header.second)
-}
-
-fn quad(corners: &[Corners], pair: [usize; 2], shared: [usize; 2], pad: f32) -> Face {
-    let [first, second] = pair.map(|index| points(&corners[index]));
-    let [min, max] = grown_box(&pair.map(|index| corners[index]), pad);
+    let [first, second] = both.map(edge_functions);
+    let scaled = |function: EdgeFunction, turn: f64| {
+        let scale = turn / (EDGE_ERROR * error);
+        EdgeFunction { along: function.along * scale, moment: function.moment * scale }
+    };
+    let functions = if pair.is_alone() {
+        let [u, v, w] = first.map(|function| scaled(function, 1.0));
+        [u, v, w, EdgeFunction::default()]
+    } else {
+        let outer = |functions: [EdgeFunction; 3], shared: usize, turn: f64| {
+            [0, 1, 2].into_iter().filter(move |&edge| edge != shared).map(move |edge| scaled(functions[edge], turn))
+        };
+        let mut all = outer(first, pair.shared[0], turns[0]).chain(outer(second, pair.shared[1], turns[1]));
+        std::array::from_fn(|_| all.next().unwrap_or_default())
+    };
+    let [min, max] = grown_box(both, pad);
+    let [a, b, c, d] = functions.map(|function| {
+        let [along, moment] = [function.along, function.moment].map(|v| v.as_vec3().to_array());
+        (along, moment)
+    });
+    let [plane0, plane1] = planes.map(|(normal, offset)| (normal.as_vec3().to_array(), offset as f32));
     Face {
-        first: pair[0] as u32,
-        second: pair[1] as u32,
-        seams: (shared[0] | shared[1] << 2) as u32,
-        turned: u32::from(normal(first).dot(normal(second)) < 0.0),
         min,
+        first: pair.places[0] as u32,
         max,
-        ..Face::default()
+        second: pair.places[1] as u32 | if pair.turned { FACE_TURNED } else { 0 },
+        normal0: plane0.0,
+        offset0: plane0.1,
+        normal1: plane1.0,
+        offset1: plane1.1,
+        along_a: a.0,
+        moment_ax: a.1[0],
+        along_b: b.0,
+        moment_ay: a.1[1],
+        along_c: c.0,
+        moment_az: a.1[2],
+        along_d: d.0,
+        moment_bx: b.1[0],
+        moment_by: b.1[1],
+        moment_bz: b.1[2],
+        moment_cx: c.1[0],
+        moment_cy: c.1[1],
+        moment_cz: c.1[2],
+        moment_dx: d.1[0],
+        moment_dy: d.1[1],
+        moment_dz: d.1[2],
     }
 }
 
-fn grown_box(triangles: &[Corners], pad: f32) -> [[f32; 3]; 2] {
-    let corners = || triangles.iter().flat_map(|triangle| [triangle.a, triangle.b, triangle.c]).map(Vec3::from);
+fn grown_box(triangles: [&Triangle; 2], pad: f32) -> [[f32; 3]; 2] {
+    let corners = || {
+        triangles.into_iter().flat_map(|triangle| {
+            let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(Vec3::from);
+            [a, a + ab, a + ac]
+        })
+    };
     let (min, max) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
     [(min - pad).into(), (max + pad).into()]
 }
@@ -137,12 +233,11 @@ mod tests {
     fn a_square_s_halves_are_one_face_however_they_are_wound() {
         let [first, second] = halves(SQUARE);
         let turned = triangle(second.b, second.a, second.c);
-        for (other, turns) in [(second, 0), (turned, 1)] {
-            let faces = faces(&[first, other], 0.0);
-            assert_eq!((faces.len(), faces[0].first, faces[0].second), (2, 1, 1));
-            assert_eq!((faces[1].first, faces[1].second, faces[1].turned), (0, 1, turns));
+        for (other, turns) in [(second, false), (turned, true)] {
+            let pairs = pairs(&[first, other]);
+            assert_eq!((pairs.len(), pairs[0].places, pairs[0].turned), (1, [0, 1], turns));
             // They share the diagonal.
-            let edges = [faces[1].seams & 3, faces[1].seams >> 2].map(|edge| EDGES[edge as usize]);
+            let edges = pairs[0].shared.map(|edge| EDGES[edge]);
             let ends = |triangle: &Corners, [from, to, _]: [usize; 3]| {
                 let mut ends = [bits(triangle, from), bits(triangle, to)];
                 ends.sort_unstable();
@@ -165,9 +260,9 @@ mod tests {
         // Convex, but the far corners lean over each other's edges.
         let leaning = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [1.1, 1.0, 0.0], [1.0, 1.0, 0.0]];
         let apart = [halves(SQUARE)[0], triangle([5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [5.0, 1.0, 0.0])];
-        for pair in [halves(bent), halves(hollow), halves(straight), halves(leaning), folded, apart] {
-            let faces = faces(&pair, 0.0);
-            assert_eq!((faces.len(), faces[0].first, faces[0].second), (3, 2, 0), "{pair:?}");
+        for both in [halves(bent), halves(hollow), halves(straight), halves(leaning), folded, apart] {
+            let pairs = pairs(&both);
+            assert_eq!((pairs.len(), edges_of(&pairs)), (2, 6), "{both:?}");
         }
     }
 
@@ -176,7 +271,7 @@ mod tests {
         let long = [[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
         let slanted = [[0.0, 0.0, 0.0], [1.0, 0.5, 0.25], [5.0, 1.5, 1.25], [4.0, 1.0, 1.0]];
         for corners in [long, slanted] {
-            assert_eq!(faces(&halves(corners), 0.0).len(), 2, "{corners:?}");
+            assert_eq!(edges_of(&pairs(&halves(corners))), 4, "{corners:?}");
         }
     }
 
@@ -185,16 +280,16 @@ mod tests {
         // A strip of eight triangles, flat: each has two neighbours to choose from.
         let at = |i: u32| [(i / 2) as f32, (i % 2) as f32, 0.0];
         let strip: Vec<_> = (0..8).map(|i| triangle(at(i), at(i + 1), at(i + 2))).collect();
-        let faces = faces(&strip, 0.0);
+        let pairs = pairs(&strip);
         let mut seen = vec![0; 8];
-        for face in &faces[1..] {
-            seen[face.first as usize] += 1;
-            if face.second != face.first {
-                seen[face.second as usize] += 1;
+        for pair in &pairs {
+            seen[pair.places[0]] += 1;
+            if !pair.is_alone() {
+                seen[pair.places[1]] += 1;
             }
         }
         assert_eq!(seen, [1; 8]);
-        assert_eq!(faces.len() as u32, faces[0].first + 1);
-        assert!(faces[0].second >= 3);
+        let fours = pairs.iter().take_while(|pair| !pair.is_alone()).count();
+        assert!(fours >= 3 && pairs[fours..].iter().all(Pair::is_alone));
     }
 }

@@ -118,7 +118,7 @@ impl Geometry {
             copies,
         };
         let few = geometry.triangles.len() <= FEW_TRIANGLES;
-        let face_edges = few.then(|| pack::edges_of(&pack::faces(geometry.corners(&scene.mesh), 0.0)));
+        let face_edges = few.then(|| pack::edges_of(&pack::pairs(geometry.corners(&scene.mesh))));
         Ok(Self { face_edges, ..geometry })
     }
 }

@@ -83,9 +83,8 @@ pub struct Plan<'a> {
     pub geometry: &'a Geometry,
     /// The triangles as the watertight intersector takes them, where it is chosen.
     pub corners: Option<&'a [Corners]>,
-    /// The corners that faces are found by, where a kernel reads faces and the intersector allows them; otherwise their
-    /// number is 0.
-    pub face_corners: Option<&'a [Corners]>,
+    /// The triangles' faces, where a kernel reads faces and the intersector allows them; otherwise their number is 0.
+    pub faces: Option<Vec<pack::Pair>>,
     pub tuning: Tuning,
 }
 
@@ -155,14 +154,14 @@ impl<'a> Plan<'a> {
             geometry,
             corners: (settings.intersector == Intersector::Watertight).then(|| geometry.corners(&scene.mesh)),
             tuning: Tuning::default(),
-            face_corners: None,
+            faces: None,
         };
         let reads_faces = plan.node_layout() == NodeLayout::Faces
             && plan.settings.intersector == Intersector::Conservative
             && plan.settings.slabs == Slabs::Robust
             && !original
             && geometry.triangles.len() <= pack::MOST_FACES;
-        let plan = Self { face_corners: reads_faces.then(|| geometry.corners(&scene.mesh)), ..plan };
+        let plan = Self { faces: reads_faces.then(|| pack::pairs(geometry.corners(&scene.mesh))), ..plan };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
     }
@@ -208,7 +207,7 @@ impl<'a> Plan<'a> {
 
     /// Whether the edges of faces are found for many rays at a time.
     pub fn finds_edges(&self) -> bool {
-        self.face_corners.is_some()
+        self.faces.is_some()
     }
 
     /// Invocations that share a pixel's samples.
@@ -279,18 +278,18 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; for `brute`, which reads none, the faces, or a word.
     pub fn node_bytes(&self) -> Vec<u8> {
-        if let Some(corners) = self.face_corners {
-            let reach = self.reach.max(self.any_reach);
-            let pad = pack::beam_pad(self.frame.box_pad, self.frame.largest, reach);
-            return bytemuck::cast_slice(&pack::faces(corners, pad)).to_vec();
+        if let Some(pairs) = &self.faces {
+            let pad = pack::beam_pad(self.frame.box_pad, self.frame.largest, self.reach.max(self.any_reach));
+            let size = f64::from(self.frame.largest) + self.any_reach;
+            return bytemuck::cast_slice(&pack::faces(pairs, &self.geometry.triangles, pad, size)).to_vec();
         }
         pack::node_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed(), self.node_pad())
     }
 
     /// Bytes of what [`Self::node_bytes`] gives, or more.
     pub fn node_array_bytes(&self) -> u64 {
-        if let Some(corners) = self.face_corners {
-            return (corners.len() as u64 + 1) * size_of::<layout::Face>() as u64;
+        if let Some(pairs) = &self.faces {
+            return (pairs.len() as u64 + 1) * size_of::<layout::Face>() as u64;
         }
         pack::node_array_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed())
     }

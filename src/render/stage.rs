@@ -86,7 +86,7 @@ impl Uploads {
             texels: plan.texels(),
             corners: plan.corners.is_some(),
             layout: plan.node_layout(),
-            faces: plan.face_corners.is_some(),
+            faces: plan.faces.is_some(),
             pad: plan.node_pad().to_bits(),
         };
         if let Some((_, uploaded)) = self.known.iter().find(|(known, _)| *known == key) {

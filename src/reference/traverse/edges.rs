@@ -3,11 +3,9 @@
 
 use glam::Vec3;
 
-use crate::layout::{Face, Triangle};
-use crate::reference::arith::{cross3, dot3, max_abs};
+use crate::layout::{FACE_TURNED, Face, Triangle};
+use crate::reference::arith::{cross3, dot3};
 
-/// 2^-17.
-const EDGE_ERROR: f32 = 1.0 / 131_072.0;
 /// 2^-20.
 const NEAR_SCALE: f32 = 1.0 / 1_048_576.0;
 /// From here on a direction is within.
@@ -21,33 +19,10 @@ pub enum Verdict {
     Within,
 }
 
-struct Side {
-    u: Vec3,
-    v: Vec3,
-    w: Vec3,
-    error: f32,
-    below: bool,
-    near: bool,
-}
-
-fn side_from(start: Vec3, triangle: &Triangle) -> Side {
+/// Whether the exact test's t of rays that leave the plane upwards is below 0.
+fn below(start: Vec3, triangle: &Triangle) -> bool {
     let (ab, ac) = (Vec3::from(triangle.ab), Vec3::from(triangle.ac));
-    let s = start - Vec3::from(triangle.a);
-    let q = cross3(s, ab);
-    let volume = dot3(ac, q);
-    let size = max_abs(s);
-    let product = triangle.ab_sum * triangle.ac_sum;
-    let below = volume < 0.0;
-    let sign = if below { -1.0 } else { 1.0 };
-    let (u, v) = (cross3(ac, s) * sign, q * sign);
-    Side {
-        u,
-        v,
-        w: cross3(ac, ab) * sign - u - v,
-        error: EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product),
-        below,
-        near: volume.abs() < EDGE_ERROR * size * product,
-    }
+    dot3(ac, cross3(start - Vec3::from(triangle.a), ab)) < 0.0
 }
 
 /// A face's edge functions from a start, and what is added to them.
@@ -58,26 +33,34 @@ pub struct Edges {
 
 impl Edges {
     pub fn from(start: Vec3, face: &Face, triangles: &[Triangle]) -> Self {
-        let first = side_from(start, &triangles[face.first as usize]);
-        let second = side_from(start, &triangles[face.second as usize]);
-        let near = first.near || second.near;
-        let mut base = if near { NEAR_SCALE } else { 1.0 };
-        let mut scale = base / first.error.max(second.error).max(1e-30);
-        if first.below != (second.below != (face.turned == 1)) {
-            (scale, base) = (0.0, 1.0);
+        let first = dot3(face.normal0.into(), start) + face.offset0;
+        let second = dot3(face.normal1.into(), start) + face.offset1;
+        let mut sign = if first < 0.0 { -1.0 } else { 1.0 };
+        let mut base = 1.0;
+        if first.abs().min(second.abs()) < 1.0 || (first < 0.0) != (second < 0.0) {
+            let places = [face.first, face.second & !FACE_TURNED];
+            let [first, second] = places.map(|place| below(start, &triangles[place as usize]));
+            let turned = face.second & FACE_TURNED != 0;
+            base = NEAR_SCALE;
+            sign = if first != (second != turned) {
+                0.0
+            } else if first {
+                -NEAR_SCALE
+            } else {
+                NEAR_SCALE
+            };
         }
-        let sides = if face.first == face.second {
-            vec![first.u, first.v, first.w]
-        } else {
-            let (of_first, of_second) = (face.seams & 3, face.seams >> 2);
-            vec![
-                if of_first == 0 { first.v } else { first.u },
-                if of_first == 2 { first.v } else { first.w },
-                if of_second == 0 { second.v } else { second.u },
-                if of_second == 2 { second.v } else { second.w },
-            ]
+        let functions = [
+            (face.along_a, [face.moment_ax, face.moment_ay, face.moment_az]),
+            (face.along_b, [face.moment_bx, face.moment_by, face.moment_bz]),
+            (face.along_c, [face.moment_cx, face.moment_cy, face.moment_cz]),
+            (face.along_d, [face.moment_dx, face.moment_dy, face.moment_dz]),
+        ];
+        let count = if face.first == face.second { 3 } else { 4 };
+        let side = |(along, moment): &([f32; 3], [f32; 3])| {
+            (cross3(start, Vec3::from(*along)) + Vec3::from(*moment)) * sign
         };
-        Self { sides: sides.into_iter().map(|side| side * scale).collect(), base }
+        Self { sides: functions[..count].iter().map(side).collect(), base }
     }
 
     /// Of a direction whose components add up to 1.74 at most, without their signs.
@@ -95,7 +78,7 @@ impl Edges {
 mod tests {
     use super::*;
     use crate::layout::Corners;
-    use crate::pack::faces;
+    use crate::pack::{faces, pairs};
     use crate::reference::intersect::any_of_triangle;
     use crate::reference::ray::Ray;
     use crate::reference::slabs::slabs_of;
@@ -138,8 +121,10 @@ mod tests {
                     (Triangle::new(a.into(), id as u32, (b - a).into(), (c - a).into()), [a, b, c])
                 })
                 .unzip();
-            let faces = faces(&corners, 0.0);
-            quads += faces[0].second;
+            let pairs = pairs(&corners);
+            let largest = |points: &[Vec3]| points.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max);
+            let reach = largest(&points.concat());
+            quads += pairs.len() as u32 - (2 * pairs.len() as u32 - corners.len() as u32);
             let scene = Scene::of(triangles.clone());
             let inputs = scene.by(Traversal::Brute);
             // In the order of the faces, not of the tree.
@@ -166,8 +151,9 @@ mod tests {
                     if aimed { (target - start).normalize_or(Vec3::Z) } else { random.direction() };
                 let ray = Ray { origin: start, direction, t_max: f32::MAX };
                 let slabs = slabs_of(&ray, true);
-                for face in &faces[1..] {
-                    let exact = [face.first, face.second]
+                let size = f64::from(reach) + f64::from(largest(&[start]));
+                for face in &faces(&pairs, &triangles, 0.0, size)[1..] {
+                    let exact = [face.first, face.second & !FACE_TURNED]
                         .iter()
                         .any(|&index| any_of_triangle(&inputs, &ray, &slabs, index));
                     let verdict = Edges::from(start, face, &triangles).verdict(direction);
