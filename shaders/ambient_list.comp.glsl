@@ -99,6 +99,7 @@ void retire_any(uint id, bool occluded, bool finished) {
 }
 
 #ifdef SHARES_START
+#define RAYS 8
 // The samples that invocations of this workgroup may have, the same for all of it.
 uvec2 sample_span() {
     uint begin = range.sample_begin + gl_WorkGroupID.z * range.block;

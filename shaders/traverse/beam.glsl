@@ -42,6 +42,12 @@ Beam beam_of(Bounds starts, Bounds directions) {
     return Beam(starts, low, high, 1.0 / low, 1.0 / high);
 }
 
+// A ray each of the lanes that take part.
+Beam beam_of_rays(bool takes_part, vec3 origin, vec3 direction) {
+    Bounds starts = bounds_together(Bounds(origin, origin), takes_part);
+    return beam_of(starts, bounds_together(Bounds(direction, direction), takes_part));
+}
+
 // Whether some ray of the beam may meet the box, which has to be grown by what this errs. After t, rays of the beam lie between starts.low + t low and starts.high +
 // t high: so t is bounded by where the one leaves the box and where the other enters it.
 bool beam_meets(Beam beam, vec3 box_low, vec3 box_high) {

@@ -21,40 +21,52 @@
 // Planes are measured in 2^-17 of the same. Of a plane nearer to the start than that the twin's sign of t decides which side counts, and a hit
 // may be lost to its own box. Then edge functions shrink by 2^-20, so that they never reach 2.
 #define NEAR_SCALE 9.5367431640625e-7
+// There is a header in its place.
+#define NO_FACE 0u
 // 2 as bits.
 #define WITHIN 0x40000000
 
 // Whether faces are there for these choices: otherwise nothing stands where their number does.
-bool takes_faces() { return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && load_face(0u).first > 0u; }
+bool takes_faces() {
+    bool all = range.triangle_begin == 0u && range.triangle_end == frame.triangle_count;
+    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && all && load_face(0u).first > 0u;
+}
 
 int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
 
+// A subgroup goes through the faces that some of its rays may meet, in loops that all lanes take alike: FACE_LOOP(beam, faces) { what is done
+// with face 1 + i } FACE_LOOP_END. `finished` tells whether it came to its end.
+#define FACE_LOOP(beam, faces) \
+    uint end = faces; \
+    uint left = 0u; \
+    uint first = 0u; \
+    while (first < end) { \
+        uvec4 met = faces_met(beam, first, end); \
+        for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) { \
+            uint waiting = met[word]; \
+            left += bitCount(waiting); \
+            while (waiting != 0u) { \
+                uint i = first + 32u * word + uint(findLSB(waiting)); \
+                waiting &= waiting - 1u; \
+                left--;
+#define FACE_LOOP_END \
+            } \
+        } \
+        first += gl_SubgroupSize; \
+    } \
+    bool finished = first >= end && left == 0u;
+
 #ifdef USES_CLOSEST
 
-// Of the faces that some ray of the subgroup may meet.
 bool closest_together(bool works, Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
-    Bounds starts = bounds_together(Bounds(ray.origin, ray.origin), works);
-    Beam beam = beam_of(starts, bounds_together(Bounds(ray.direction, ray.direction), works));
-    uint faces = load_face(0u).first;
-    uint left = 0u;
-    uint first = 0u;
-    while (first < faces) {
-        uvec4 met = faces_met(beam, first, faces);
-        for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) {
-            uint waiting = met[word];
-            left += bitCount(waiting);
-            while (waiting != 0u) {
-                Face face = load_face(1u + first + 32u * word + uint(findLSB(waiting)));
-                waiting &= waiting - 1u;
-                closest_of_triangle(ray, slabs, int(face.first), hit);
-                if (face.second != face.first) closest_of_triangle(ray, slabs, second_place(face), hit);
-                left--;
-            }
-        }
-        first += gl_SubgroupSize;
-    }
-    return first >= faces && left == 0u;
+    Beam beam = beam_of_rays(works, ray.origin, ray.direction);
+    FACE_LOOP(beam, load_face(0u).first)
+        Face face = load_face(1u + i);
+        closest_of_triangle(ray, slabs, int(face.first), hit);
+        if (face.second != face.first) closest_of_triangle(ray, slabs, second_place(face), hit);
+    FACE_LOOP_END
+    return finished;
 }
 
 void run_closest() {
@@ -75,6 +87,14 @@ void run_closest() {
 
 #ifdef USES_ANY
 
+vec3 edge_start;
+// The face that the start lies next to, mostly that of its surface, and what was found of it.
+uint near_face;
+float near_sign;
+
+#undef BEGIN_ANY
+#define BEGIN_ANY(works, start) edge_start = start; near_face = NO_FACE
+
 // Of a face, three or four edge functions of a direction; `base` is added to the products.
 struct Edges {
     vec3 a;
@@ -91,19 +111,29 @@ bool below_plane(vec3 start, int index) {
     return dot3(triangle.ac, cross3(s, triangle.ab)) < 0.0;
 }
 
-Edges edges_from(vec3 start, Face face) {
-    float first = dot(face.normal0, start) + face.offset0;
-    float second = dot(face.normal1, start) + face.offset1;
+// Which side of the face's edges counts, from next to its plane.
+float sign_near(Face face) {
+    bool first_below = below_plane(edge_start, int(face.first));
+    bool second_below = below_plane(edge_start, second_place(face)) != (face.second >= FACE_TURNED);
+    // From between the two planes nothing is clear.
+    return first_below != second_below ? 0.0 : first_below ? -NEAR_SCALE : NEAR_SCALE;
+}
+
+Edges edges_from_start(uint i) {
+    Face face = load_face(i);
+    float first = dot(face.normal0, edge_start) + face.offset0;
+    float second = dot(face.normal1, edge_start) + face.offset1;
     float sign = first < 0.0 ? -1.0 : 1.0;
     float base = 1.0;
     if (min(abs(first), abs(second)) < 1.0 || (first < 0.0) != (second < 0.0)) {
-        bool first_below = below_plane(start, int(face.first));
-        bool second_below = below_plane(start, second_place(face)) != (face.second >= FACE_TURNED);
+        if (near_face != i) {
+            near_face = i;
+            near_sign = sign_near(face);
+        }
+        sign = near_sign;
         base = NEAR_SCALE;
-        // From between the two planes nothing is clear.
-        sign = first_below != second_below ? 0.0 : first_below ? -NEAR_SCALE : NEAR_SCALE;
     }
-    vec3 point = start * sign;
+    vec3 point = edge_start * sign;
     return Edges(cross(point, face.along_a) + sign * vec3(face.moment_ax, face.moment_ay, face.moment_az),
                  cross(point, face.along_b) + sign * vec3(face.moment_bx, face.moment_by, face.moment_bz),
                  cross(point, face.along_c) + sign * vec3(face.moment_cx, face.moment_cy, face.moment_cz),
@@ -125,13 +155,11 @@ int least_of_four(Edges edges, vec3 direction) {
 }
 
 // Rays of an invocation under way.
-#define RAYS 8
+#if RAYS == 4
+#define EACH_RAY(DO) DO(0) DO(1) DO(2) DO(3)
+#else
 #define EACH_RAY(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
-
-vec3 edge_start;
-
-#undef BEGIN_ANY
-#define BEGIN_ANY(works, start) edge_start = start
+#endif
 
 // Each ray by name, so that all stay in registers.
 vec3 directions[RAYS];
@@ -141,31 +169,32 @@ int most[RAYS];
 #define TEST_THREE(i) most[i] = max(most[i], least_of_three(edges, directions[i]));
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
-// Tests the faces that some ray of the subgroup may meet. Returns whether all of them were.
+// Returns whether all faces were tested that some ray of the subgroup may meet.
 bool test_faces(Beam beam) {
     Face header = load_face(0u);
-    uint left = 0u;
-    uint first = 0u;
-    while (first < header.first) {
-        uvec4 met = faces_met(beam, first, header.first);
-        for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) {
-            uint waiting = met[word];
-            left += bitCount(waiting);
-            while (waiting != 0u) {
-                uint i = first + 32u * word + uint(findLSB(waiting));
-                waiting &= waiting - 1u;
-                Edges edges = edges_from(edge_start, load_face(1u + i));
-                if (i < header.second) {
-                    EACH_RAY(TEST_FOUR)
-                } else {
-                    EACH_RAY(TEST_THREE)
-                }
-                left--;
-            }
+    FACE_LOOP(beam, header.first)
+        Edges edges = edges_from_start(1u + i);
+        if (i < header.second) {
+            EACH_RAY(TEST_FOUR)
+        } else {
+            EACH_RAY(TEST_THREE)
         }
-        first += gl_SubgroupSize;
-    }
-    return first >= header.first && left == 0u;
+    FACE_LOOP_END
+    return finished;
+}
+
+// The exact test, of a ray each of some lanes.
+bool any_together(bool works, vec3 direction, inout bool occluded) {
+    Ray ray = Ray(edge_start, direction, frame.ambient_t_max);
+    Slabs slabs = slabs_of(ray);
+    Beam beam = beam_of_rays(works, ray.origin, ray.direction);
+    FACE_LOOP(beam, load_face(0u).first)
+        Face face = load_face(1u + i);
+        if (works && !occluded) {
+            occluded = any_of_triangle(ray, slabs, int(face.first)) || any_of_triangle(ray, slabs, second_place(face));
+        }
+    FACE_LOOP_END
+    return finished || occluded;
 }
 
 #define TAKE(i) directions[i] = direction_of(first_id + uint(i)); wants |= has_sample(first_id + uint(i)) ? 1u << i : 0u; most[i] = -1;
@@ -190,14 +219,18 @@ void run_together() {
         uint open = 0u;
         EACH_RAY(JUDGE)
         uint unsure = open & ~occluded & wants;
-        while (unsure != 0u) {
+        bool more = subgroupAny(unsure != 0u);
+        while (more) {
+            bool works = unsure != 0u;
             int place = findLSB(unsure);
             unsure &= unsure - 1u;
-            vec3 direction = vec3(0.0);
+            vec3 direction = directions[0];
             EACH_RAY(CHOOSE)
             bool hit = false;
-            finished = any_hit(Ray(edge_start, direction, frame.ambient_t_max), hit) && finished;
-            occluded |= hit ? 1u << place : 0u;
+            finished = any_together(works, direction, hit) && finished;
+            occluded |= works && hit ? 1u << uint(max(place, 0)) : 0u;
+            subgroupBarrier();
+            more = subgroupAny(unsure != 0u);
         }
         finished = finished && unsure == 0u;
         EACH_RAY(RETIRE)
