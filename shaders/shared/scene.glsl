@@ -18,8 +18,6 @@ CONSTANT(SPEC_JITTERED, bool, JITTERED, false);
 CONSTANT(SPEC_ULP_OFFSET, bool, ULP_OFFSET, false);
 CONSTANT(SPEC_BUDGETS, bool, BUDGETS, false);
 CONSTANT(SPEC_MARKS_MISSES, bool, MARKS_MISSES, true);
-CONSTANT(16, uint, VARIANT, 0);
-#define VARIANT VARIANT
 // Triangles are kept by their corners.
 CONSTANT(SPEC_WATERTIGHT, bool, WATERTIGHT, false);
 // No triangle is missed that the exact ray meets.

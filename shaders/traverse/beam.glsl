@@ -1,6 +1,7 @@
 // What a subgroup's rays have in common: their starts lie in one box, their directions in another, and what no such ray could
 // meet none of them does (interval arithmetic on packets: Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for
-// Entire Ray Packets", 2006).
+// Entire Ray Packets", 2006). All lanes take part in what is found together.
+// Twin: src/reference/traverse/beam.rs.
 
 // Farther than any scene.
 #define NOWHERE 1e30
@@ -48,21 +49,15 @@ Beam beam_of_rays(bool takes_part, vec3 origin, vec3 direction) {
     return beam_of(starts, bounds_together(Bounds(direction, direction), takes_part));
 }
 
-// Whether some ray of the beam may meet the box, which has to be grown by what this errs. After t, rays of the beam lie between starts.low + t low and starts.high +
-// t high: so t is bounded by where the one leaves the box and where the other enters it.
-bool beam_meets(Beam beam, vec3 box_low, vec3 box_high) {
-    vec3 below = (box_high - beam.starts.low) * beam.low_inverse;
-    vec3 above = (box_low - beam.starts.high) * beam.high_inverse;
+// Whether some ray of the beam may meet the box, which has to be grown by what this errs (`beam_pad` of src/pack.rs). After t, rays of the beam
+// lie between starts.low + t low and starts.high + t high: so t is bounded by where the one leaves the box and where the
+// other enters it.
+bool beam_meets(Beam beam, Bounds box) {
+    vec3 below = (box.high - beam.starts.low) * beam.low_inverse;
+    vec3 above = (box.low - beam.starts.high) * beam.high_inverse;
     bvec3 low_rises = greaterThan(beam.low, vec3(0.0));
     bvec3 high_rises = greaterThan(beam.high, vec3(0.0));
     vec3 enter = max(mix(below, vec3(0.0), low_rises), mix(vec3(0.0), above, high_rises));
     vec3 leave = min(mix(vec3(NOWHERE), below, low_rises), mix(above, vec3(NOWHERE), high_rises));
     return max(max(max(enter.x, enter.y), enter.z), 0.0) <= min(min(leave.x, leave.y), leave.z);
-}
-
-// Which of the next faces, a lane's each, some ray of the beam may meet.
-uvec4 faces_met(Beam beam, uint first, uint faces) {
-    uint own = first + gl_SubgroupInvocationID;
-    Face face = load_face(1u + min(own, faces - 1u));
-    return subgroupBallot(own < faces && beam_meets(beam, face.min, face.max));
 }

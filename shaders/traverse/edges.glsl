@@ -34,14 +34,21 @@ bool takes_faces() {
 
 int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
 
-// A subgroup goes through the faces that some of its rays may meet, in loops that all lanes take alike: FACE_LOOP(beam, faces) { what is done
-// with face 1 + i } FACE_LOOP_END. `finished` tells whether it came to its end.
-#define FACE_LOOP(beam, faces) \
+// The box of the lane's own face among a subgroup's next ones.
+Bounds own_bounds(uint first, uint faces) {
+    Face face = load_face(1u + min(first + gl_SubgroupInvocationID, faces - 1u));
+    return Bounds(face.min, face.max);
+}
+
+// A subgroup goes through the faces that some of its rays may meet, in loops that all lanes take alike: FACE_LOOP(beam, own, faces) { what is
+// done with face 1 + i } FACE_LOOP_END, after which `finished` tells whether it came to its end. `own`: the lane's box among the first.
+#define FACE_LOOP(beam, own, faces) \
     uint end = faces; \
     uint left = 0u; \
     uint first = 0u; \
     while (first < end) { \
-        uvec4 met = faces_met(beam, first, end); \
+        subgroupBarrier(); \
+        uvec4 met = subgroupBallot(first + gl_SubgroupInvocationID < end && beam_meets(beam, own)); \
         for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) { \
             uint waiting = met[word]; \
             left += bitCount(waiting); \
@@ -53,6 +60,7 @@ int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
             } \
         } \
         first += gl_SubgroupSize; \
+        if (first < end) own = own_bounds(first, end); \
     } \
     bool finished = first >= end && left == 0u;
 
@@ -61,7 +69,9 @@ int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
 bool closest_together(bool works, Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     Beam beam = beam_of_rays(works, ray.origin, ray.direction);
-    FACE_LOOP(beam, load_face(0u).first)
+    uint faces = load_face(0u).first;
+    Bounds own = own_bounds(0u, faces);
+    FACE_LOOP(beam, own, faces)
         Face face = load_face(1u + i);
         closest_of_triangle(ray, slabs, int(face.first), hit);
         if (face.second != face.first) closest_of_triangle(ray, slabs, second_place(face), hit);
@@ -170,9 +180,8 @@ int most[RAYS];
 #define TEST_FOUR(i) most[i] = max(most[i], least_of_four(edges, directions[i]));
 
 // Returns whether all faces were tested that some ray of the subgroup may meet.
-bool test_faces(Beam beam) {
-    Face header = load_face(0u);
-    FACE_LOOP(beam, header.first)
+bool test_faces(Beam beam, Face header, Bounds own) {
+    FACE_LOOP(beam, own, header.first)
         Edges edges = edges_from_start(1u + i);
         if (i < header.second) {
             EACH_RAY(TEST_FOUR)
@@ -183,20 +192,6 @@ bool test_faces(Beam beam) {
     return finished;
 }
 
-// The exact test, of a ray each of some lanes.
-bool any_together(bool works, vec3 direction, inout bool occluded) {
-    Ray ray = Ray(edge_start, direction, frame.ambient_t_max);
-    Slabs slabs = slabs_of(ray);
-    Beam beam = beam_of_rays(works, ray.origin, ray.direction);
-    FACE_LOOP(beam, load_face(0u).first)
-        Face face = load_face(1u + i);
-        if (works && !occluded) {
-            occluded = any_of_triangle(ray, slabs, int(face.first)) || any_of_triangle(ray, slabs, second_place(face));
-        }
-    FACE_LOOP_END
-    return finished || occluded;
-}
-
 #define TAKE(i) directions[i] = direction_of(first_id + uint(i)); wants |= has_sample(first_id + uint(i)) ? 1u << i : 0u; most[i] = -1;
 #define BOUND(i) bounds = Bounds(min(bounds.low, directions[i]), max(bounds.high, directions[i]));
 #define JUDGE(i) occluded |= most[i] > WITHIN ? 1u << i : 0u; open |= most[i] >= 0 ? 1u << i : 0u;
@@ -205,6 +200,9 @@ bool any_together(bool works, vec3 direction, inout bool occluded) {
 
 // Samples have the same numbers in all invocations, so that what follows from a sample's number alone is found once.
 void run_together() {
+    Face header = load_face(0u);
+    Bounds own = own_bounds(0u, header.first);
+    subgroupBarrier();
     Bounds starts = bounds_together(Bounds(edge_start, edge_start), any_left());
     uvec2 span = sample_span();
     for (uint first_id = span.x; first_id < span.y; first_id += RAYS) {
@@ -214,23 +212,19 @@ void run_together() {
         EACH_RAY(BOUND)
         subgroupBarrier();
         bounds = bounds_together(bounds, wants != 0u);
-        bool finished = test_faces(beam_of(starts, bounds));
+        bool finished = test_faces(beam_of(starts, bounds), header, own);
         uint occluded = 0u;
         uint open = 0u;
         EACH_RAY(JUDGE)
         uint unsure = open & ~occluded & wants;
-        bool more = subgroupAny(unsure != 0u);
-        while (more) {
-            bool works = unsure != 0u;
+        while (unsure != 0u) {
             int place = findLSB(unsure);
             unsure &= unsure - 1u;
-            vec3 direction = directions[0];
+            vec3 direction = vec3(0.0);
             EACH_RAY(CHOOSE)
             bool hit = false;
-            finished = any_together(works, direction, hit) && finished;
-            occluded |= works && hit ? 1u << uint(max(place, 0)) : 0u;
-            subgroupBarrier();
-            more = subgroupAny(unsure != 0u);
+            finished = any_hit(Ray(edge_start, direction, frame.ambient_t_max), hit) && finished;
+            occluded |= hit ? 1u << place : 0u;
         }
         finished = finished && unsure == 0u;
         EACH_RAY(RETIRE)

@@ -31,7 +31,7 @@ fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
     match (device, plan.settings.accumulator) {
         (DeviceKind::Cpu, _) => 1024,
         (_, Accumulator::Count) if plan.sample_lanes() > 1 => plan.sample_lanes() * SAMPLES_A_LANE,
-        (_, Accumulator::Count) if plan.finds_edges() => std::env::var("BLOCK").ok().and_then(|b| b.parse().ok()).unwrap_or(FACES_BLOCK),
+        (_, Accumulator::Count) if plan.finds_edges() => FACES_BLOCK,
         (_, Accumulator::Count) => GPU_BLOCK,
         _ => 1,
     }

@@ -145,7 +145,6 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_MARKS_MISSES, 1),
                 (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
-                (16, std::env::var("XX").ok().and_then(|b| b.parse().ok()).unwrap_or(0)),
                 (layout::SPEC_BOUNDED, u32::from(frame.ambient_t_max < f32::MAX)),
             ],
             job,
