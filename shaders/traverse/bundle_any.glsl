@@ -26,8 +26,9 @@ struct Bundle {
 // that one at 0 or later, the difference from its origin is not 0 here, nor is the product, however long the direction.
 #define EXIT_ULPS 17
 
-// Whether the ray meets the box (as seen from its origin), at least where the robust test of slabs.glsl says so.
-bool meets_seen_box(Member ray, vec3 low, vec3 high) {
+// Whether the ray misses the box (as seen from its origin), only where the robust test of slabs.glsl says so. (Not whether it meets it:
+// a CPU's comparison of integers is that for `greater`.)
+bool misses_seen_box(Member ray, vec3 low, vec3 high) {
     precise float x0 = low.x * ray.inverse.x;
     precise float x1 = high.x * ray.inverse.x;
     int enter = min(floatBitsToInt(x0), floatBitsToInt(x1));
@@ -40,24 +41,24 @@ bool meets_seen_box(Member ray, vec3 low, vec3 high) {
     precise float z1 = high.z * ray.inverse.z;
     enter = max(enter, min(floatBitsToInt(z0), floatBitsToInt(z1)));
     leave = min(leave, max(floatBitsToInt(z0), floatBitsToInt(z1)));
-    return max(enter, 0) <= min(leave + EXIT_ULPS, floatBitsToInt(ray.t_max));
+    return max(enter, 0) > min(leave + EXIT_ULPS, floatBitsToInt(ray.t_max));
 }
 
-bool any_meets(Bundle bundle, vec3 low, vec3 high) {
-    bool meets = meets_seen_box(bundle.a, low, high);
-    meets = meets_seen_box(bundle.b, low, high) || meets;
-    meets = meets_seen_box(bundle.c, low, high) || meets;
-    return meets_seen_box(bundle.d, low, high) || meets;
+bool all_miss(Bundle bundle, vec3 low, vec3 high) {
+    bool misses = misses_seen_box(bundle.a, low, high);
+    misses = misses_seen_box(bundle.b, low, high) && misses;
+    misses = misses_seen_box(bundle.c, low, high) && misses;
+    return misses_seen_box(bundle.d, low, high) && misses;
 }
 
 // A bit for each child that any ray of the subgroup meets.
 uint met_together(Boxes boxes, Bundle bundle) {
 #define LOW(i) vec3(boxes.low_x.i, boxes.low_y.i, boxes.low_z.i)
 #define HIGH(i) vec3(boxes.high_x.i, boxes.high_y.i, boxes.high_z.i)
-    uint met = any_meets(bundle, LOW(x), HIGH(x)) ? 1u : 0u;
-    met |= any_meets(bundle, LOW(y), HIGH(y)) ? 2u : 0u;
-    met |= any_meets(bundle, LOW(z), HIGH(z)) ? 4u : 0u;
-    met |= any_meets(bundle, LOW(w), HIGH(w)) ? 8u : 0u;
+    uint met = all_miss(bundle, LOW(x), HIGH(x)) ? 0u : 1u;
+    met |= all_miss(bundle, LOW(y), HIGH(y)) ? 0u : 2u;
+    met |= all_miss(bundle, LOW(z), HIGH(z)) ? 0u : 4u;
+    met |= all_miss(bundle, LOW(w), HIGH(w)) ? 0u : 8u;
     return or_together(met);
 }
 
@@ -174,6 +175,8 @@ void count_visits(vec4 t_max) {
 #define count_visits(t_max)
 #endif
 
+#include "bundle_sides.glsl"
+
 // Returns whether the walk came to its end; occluded rays have a negative `t_max` then. A driver may run the body of a loop
 // once before it asks for its condition (Mesa's does), so the loops are laid out such that this is seldom in vain. What
 // a loop that was left early did not visit stays `reference`, which then is not NOTHING at the end.
@@ -289,7 +292,7 @@ void run_any() {
         waits.z = next_member(2, ray, bundle.c, ids.z, wants.z);
         waits.w = next_member(3, ray, bundle.d, ids.w, wants.w);
         subgroupBarrier();
-        bool ended = any_hits_together(bundle);
+        bool ended = SURE_BY_SIDES ? any_hits_by_sides(bundle) : any_hits_together(bundle);
         bool finished = true;
         retire_member(bundle.a, waits.x, wants.x, ids.x, ended, finished);
         retire_member(bundle.b, waits.y, wants.y, ids.y, ended, finished);

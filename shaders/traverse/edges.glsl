@@ -8,12 +8,8 @@
 // Only for the conservative intersector, since no ray passes between two triangles of a face then.
 // Twin: src/reference/traverse/edges.rs.
 
-// Edge functions are measured in the most that rounding may change them, and moved up by 1, so that below 0 a direction is
-// outside and above 2 within. In sizes of start, edges and direction that is 2^-17: eight times S, what `error_of` grants
-// for the three together, with the sum of a direction's components at most 1.74. What the exact test accepts lies within
-// 2 S of the triangle, for it errs by S and grants it; a face's own edges may be passed by 2.25 times that (LEANS of
-// src/pack/faces.rs), lie S / 2 beside it (FLAT), and round by 1.3 S here.
-#define EDGE_ERROR 7.62939453125e-6
+#include "sides.glsl"
+
 // Of a plane through the start the twin's sign of t decides which side counts, and a hit may be lost to its own box. Then
 // edge functions shrink by 2^-20, so that they never reach 2.
 #define NEAR_SCALE 9.5367431640625e-7
@@ -24,37 +20,6 @@
 // would be sure.
 bool takes_faces(bool bounded) {
     return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !bounded && load_face(0u).first > 0u;
-}
-
-// A triangle as seen from the start.
-struct Side {
-    // Zero along the edges ac, ab and bc, positive within.
-    vec3 u;
-    vec3 v;
-    vec3 w;
-    float error;
-    // On which side of the plane the start lies.
-    bool below;
-    // Too close to the plane to tell.
-    bool near;
-};
-
-Side side_from(vec3 start, Triangle triangle) {
-    precise vec3 s = start - triangle.a;
-    vec3 q = cross3(s, triangle.ab);
-    // As meets_moller rounds it.
-    float volume = dot3(triangle.ac, q);
-    float size = max_abs(s);
-    float product = triangle.ab_sum * triangle.ac_sum;
-    Side side;
-    side.below = volume < 0.0;
-    side.near = abs(volume) < EDGE_ERROR * size * product;
-    side.error = EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product);
-    float sign = side.below ? -1.0 : 1.0;
-    side.u = cross(triangle.ac, s) * sign;
-    side.v = q * sign;
-    side.w = cross(triangle.ac, triangle.ab) * sign - side.u - side.v;
-    return side;
 }
 
 // Of a face, three or four edge functions of a direction; `w` is added to the products.

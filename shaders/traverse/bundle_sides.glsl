@@ -1,0 +1,109 @@
+// Any hits of a bundle where a triangle's edge functions tell: nearly every triangle is clearly beside all rays or clearly hit, and only
+// what is left is asked of the exact test, ray by ray. So the answers are those of `any_hits_together`.
+
+#include "sides.glsl"
+
+// Of bounded rays nothing would be sure, nor of other intersectors.
+#define SURE_BY_SIDES (CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && !WATERTIGHT && !BOUNDED)
+
+// More than an edge function's bits come to.
+#define NEVER 0x7fffffff
+
+// The least of the edge functions of a direction, moved up by `error`, as bits: negative if it is clearly outside, above those of twice
+// the error within.
+int least_edge(Side side, vec3 direction, float error) {
+    float u = side.u.x * direction.x + (side.u.y * direction.y + (side.u.z * direction.z + error));
+    float v = side.v.x * direction.x + (side.v.y * direction.y + (side.v.z * direction.z + error));
+    float w = side.w.x * direction.x + (side.w.y * direction.y + (side.w.z * direction.z + error));
+    return min(min(floatBitsToInt(u), floatBitsToInt(v)), floatBitsToInt(w));
+}
+
+// Puts an end to a ray that is clearly occluded. Whether the exact test has to tell.
+bool judge(inout Member ray, Side side, int within) {
+    int least = least_edge(side, ray.direction, side.error);
+    bool lives = ray.t_max >= 0.0;
+    ray.t_max = least > within ? -1.0 : ray.t_max;
+    return least >= 0 && least <= within && lives;
+}
+
+uint unsure_of(inout Bundle bundle, Side side, int within) {
+    uint unsure = judge(bundle.a, side, within) ? 1u : 0u;
+    unsure |= judge(bundle.b, side, within) ? 2u : 0u;
+    unsure |= judge(bundle.c, side, within) ? 4u : 0u;
+    return unsure | (judge(bundle.d, side, within) ? 8u : 0u);
+}
+
+bool any_lives(Bundle bundle) { return any(greaterThanEqual(t_max_of(bundle), vec4(0.0))); }
+
+Member member_at(Bundle bundle, uint bit) {
+    Member ray = bundle.a;
+    if (bit == 2u) ray = bundle.b;
+    if (bit == 4u) ray = bundle.c;
+    if (bit == 8u) ray = bundle.d;
+    return ray;
+}
+
+// The exact test of one ray.
+bool meets_exactly(Member ray, vec3 origin, float box_pad, Triangle triangle) {
+    float det;
+    float t;
+    bool meets = meets_moller_of(ray, seen_from(origin, triangle), triangle, det, t);
+    precise vec3 b = triangle.a + triangle.ab;
+    precise vec3 c = triangle.a + triangle.ac;
+    precise vec3 pmin = min(triangle.a, min(b, c)) - box_pad;
+    precise vec3 pmax = max(triangle.a, max(b, c)) + box_pad;
+    precise vec3 low = pmin - origin;
+    precise vec3 high = pmax - origin;
+    return guarded_of(ray, low, high, det, t) && meets;
+}
+
+// As `any_hits_together`. A triangle that the exact test was asked of is not asked again: the walk goes on with the leaf's next one.
+bool any_hits_by_sides(inout Bundle bundle) {
+    top = 0;
+    int reference = anyone(any_lives(bundle)) ? ROOT : NOTHING;
+    int done = 0;
+    while (reference != NOTHING && STACK_HOLDS) {
+        uint unsure = 0u;
+        uint found = 0u;
+        Triangle triangle;
+        do {
+            while (reference >= 0 && STACK_HOLDS) {
+                count_visits(t_max_of(bundle));
+                Boxes boxes = boxes_together(reference, bundle.origin);
+                uint met = met_together(boxes, bundle);
+                reference = next_reference(met, boxes.child);
+            }
+            int first = first_if_leaf(reference);
+            int place = first + done;
+            int last = last_if_leaf(reference);
+            bool tests = place <= last;
+            do {
+                if (tests) count_tests(t_max_of(bundle));
+                triangle = triangle_together(place);
+                Side side = side_from(bundle.origin, triangle);
+                int within = side.near || !tests ? NEVER : floatBitsToInt(2.0 * max(side.error, 1e-30));
+                unsure = unsure_of(bundle, side, within);
+                unsure = tests ? unsure : 0u;
+                found = or_together((unsure != 0u ? 1u : 0u) | (any_lives(bundle) ? 2u : 0u));
+                place++;
+            } while (found == 2u && place <= last && STACK_HOLDS);
+            bool ends = found == 2u && place > last;
+            done = found == 3u ? place - first : 0;
+            reference = pop_if(ends && is_leaf(reference), reference);
+            reference = (found & 2u) != 0u ? reference : NOTHING;
+        } while (found == 2u && reference != NOTHING && STACK_HOLDS);
+        // Loops run once: what is rare stands behind them, and takes as little as it can.
+        bool more = false;
+        do {
+            uint bit = unsure & (0u - unsure);
+            bool hit = meets_exactly(member_at(bundle, bit), bundle.origin, bundle.box_pad, triangle) && bit != 0u;
+            bundle.a.t_max = hit && bit == 1u ? -1.0 : bundle.a.t_max;
+            bundle.b.t_max = hit && bit == 2u ? -1.0 : bundle.b.t_max;
+            bundle.c.t_max = hit && bit == 4u ? -1.0 : bundle.c.t_max;
+            bundle.d.t_max = hit && bit == 8u ? -1.0 : bundle.d.t_max;
+            unsure &= ~bit;
+            more = anyone(unsure != 0u);
+        } while (more && STACK_HOLDS);
+    }
+    return reference == NOTHING;
+}
