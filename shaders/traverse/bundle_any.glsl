@@ -1,12 +1,17 @@
 // Any hits of a bundle, four rays a lane.
 
-// A ray of a lane. `t_max` is negative where there is none, or none any more: it wants nothing.
+// A ray of a lane.
 struct Member {
     vec3 direction;
     vec3 inverse;
     float error;
     float t_max;
+    // Where it begins, as the bits of its t: 0, or GONE.
+    int start;
 };
+
+// Where a ray begins that is none, or none any more: behind all exits from boxes, which a scene has no room for.
+#define GONE 0x7f000000
 
 // Rays from one point. A compiler that takes the operations as they come has few values to keep at a time if one ray
 // follows the other.
@@ -41,7 +46,9 @@ bool misses_seen_box(Member ray, vec3 low, vec3 high) {
     precise float z1 = high.z * ray.inverse.z;
     enter = max(enter, min(floatBitsToInt(z0), floatBitsToInt(z1)));
     leave = min(leave, max(floatBitsToInt(z0), floatBitsToInt(z1)));
-    return max(enter, 0) > min(leave + EXIT_ULPS, floatBitsToInt(ray.t_max));
+    leave += EXIT_ULPS;
+    if (BOUNDED) leave = min(leave, floatBitsToInt(ray.t_max));
+    return max(enter, ray.start) > leave;
 }
 
 bool all_miss(Bundle bundle, vec3 low, vec3 high) {
@@ -86,7 +93,7 @@ bool meets_moller_of(Member ray, Seen seen, Triangle triangle, out float det, ou
     float v = uintBitsToFloat(floatBitsToUint(dot3(ray.direction, seen.q)) ^ side);
     t = uintBitsToFloat(floatBitsToUint(seen.t) ^ side);
     precise float u_plus_v = u + v;
-    bool meets = det > SMALLEST_DETERMINANT && t > 0.0 && ray.t_max >= 0.0;
+    bool meets = det > SMALLEST_DETERMINANT && t > 0.0 && ray.start == 0;
     if (!CONSERVATIVE) return meets && u >= 0.0 && v >= 0.0 && u_plus_v <= det;
     precise float error_s = ray.error * seen.size;
     precise float error_u = error_s * triangle.ac_sum;
@@ -142,7 +149,7 @@ bvec4 guarded_of_all(Bundle bundle, Triangle triangle, bvec4 meets, vec4 det, ve
 
 // The tests that do not have a form for several rays.
 bool meets_alone(Member member, vec3 origin, int index) {
-    if (member.t_max < 0.0) return false;
+    if (member.start != 0) return false;
     Ray ray = Ray(origin, member.direction, member.t_max);
     return any_of_triangle(ray, slabs_of(ray), index);
 }
@@ -152,37 +159,29 @@ bvec4 each_alone(Bundle bundle, int index) {
                  meets_alone(bundle.c, bundle.origin, index), meets_alone(bundle.d, bundle.origin, index));
 }
 
-vec4 t_max_of(Bundle bundle) { return vec4(bundle.a.t_max, bundle.b.t_max, bundle.c.t_max, bundle.d.t_max); }
+bool lives(Bundle bundle) { return min(min(bundle.a.start, bundle.b.start), min(bundle.c.start, bundle.d.start)) == 0; }
 
 #ifdef COUNTS_WORK
-void count_tests(vec4 t_max) {
-    for (int i = 0; i < 4; i++) {
-        if (t_max[i] >= 0.0) {
-            COUNT_TEST();
-        }
-    }
-}
-
-void count_visits(vec4 t_max) {
-    for (int i = 0; i < 4; i++) {
-        if (t_max[i] >= 0.0) {
-            COUNT_VISIT();
-        }
-    }
-}
+#define FOR_LIVING(DO) \
+    if (bundle.a.start == 0) DO(); \
+    if (bundle.b.start == 0) DO(); \
+    if (bundle.c.start == 0) DO(); \
+    if (bundle.d.start == 0) DO();
+void count_tests(Bundle bundle) { FOR_LIVING(COUNT_TEST) }
+void count_visits(Bundle bundle) { FOR_LIVING(COUNT_VISIT) }
 #else
-#define count_tests(t_max)
-#define count_visits(t_max)
+#define count_tests(bundle)
+#define count_visits(bundle)
 #endif
 
 #include "bundle_sides.glsl"
 
-// Returns whether the walk came to its end; occluded rays have a negative `t_max` then. A driver may run the body of a loop
+// Returns whether the walk came to its end; occluded rays are gone then. A driver may run the body of a loop
 // once before it asks for its condition (Mesa's does), so the loops are laid out such that this is seldom in vain. What
 // a loop that was left early did not visit stays `reference`, which then is not NOTHING at the end.
 bool any_hits_together(inout Bundle bundle) {
     top = 0;
-    int reference = anyone(any(greaterThanEqual(t_max_of(bundle), vec4(0.0)))) ? ROOT : NOTHING;
+    int reference = anyone(lives(bundle)) ? ROOT : NOTHING;
     while (reference != NOTHING && STACK_HOLDS) {
         int place = 0;
         int last = -1;
@@ -193,7 +192,7 @@ bool any_hits_together(inout Bundle bundle) {
         Triangle triangle;
         do {
             while (reference >= 0 && STACK_HOLDS) {
-                count_visits(t_max_of(bundle));
+                count_visits(bundle);
                 Boxes boxes = boxes_together(reference, bundle.origin);
                 uint met = met_together(boxes, bundle);
                 reference = next_reference(met, boxes.child);
@@ -201,7 +200,7 @@ bool any_hits_together(inout Bundle bundle) {
             place = first_if_leaf(reference);
             last = last_if_leaf(reference);
             do {
-                if (place <= last) count_tests(t_max_of(bundle));
+                if (place <= last) count_tests(bundle);
                 if (WATERTIGHT || ORIGINAL) {
                     meets = bvec4(false);
                     if (place <= last) meets = each_alone(bundle, place);
@@ -221,14 +220,14 @@ bool any_hits_together(inout Bundle bundle) {
         do {
             bvec4 occluded = meets;
             if (!(WATERTIGHT || ORIGINAL)) occluded = guarded_of_all(bundle, triangle, meets, det, t);
-            bundle.a.t_max = found && occluded.x ? -1.0 : bundle.a.t_max;
-            bundle.b.t_max = found && occluded.y ? -1.0 : bundle.b.t_max;
-            bundle.c.t_max = found && occluded.z ? -1.0 : bundle.c.t_max;
-            bundle.d.t_max = found && occluded.w ? -1.0 : bundle.d.t_max;
+            bundle.a.start = found && occluded.x ? GONE : bundle.a.start;
+            bundle.b.start = found && occluded.y ? GONE : bundle.b.start;
+            bundle.c.start = found && occluded.z ? GONE : bundle.c.start;
+            bundle.d.start = found && occluded.w ? GONE : bundle.d.start;
             found = false;
             do {
                 bool more = place <= last;
-                if (more) count_tests(t_max_of(bundle));
+                if (more) count_tests(bundle);
                 if (WATERTIGHT || ORIGINAL) {
                     meets = bvec4(false);
                     if (more) meets = each_alone(bundle, place);
@@ -241,7 +240,7 @@ bool any_hits_together(inout Bundle bundle) {
                 place++;
             } while (!found && place <= last);
         } while (found && STACK_HOLDS);
-        bool goes_on = anyone(any(greaterThanEqual(t_max_of(bundle), vec4(0.0))));
+        bool goes_on = anyone(lives(bundle));
         reference = pop_if(at_leaf && !found && place > last, reference);
         reference = goes_on ? reference : NOTHING;
     }
@@ -253,7 +252,7 @@ bool any_hits_together(inout Bundle bundle) {
 
 Member member_of(Ray ray, bool wants) {
     float error = CONSERVATIVE ? error_of(ray.direction) : 0.0;
-    return Member(ray.direction, robust_inverse(ray.direction), error, wants ? ray.t_max : -1.0);
+    return Member(ray.direction, robust_inverse(ray.direction), error, ray.t_max, wants ? 0 : GONE);
 }
 
 // The next ray, if the lane takes so many at a time and has one.
@@ -271,7 +270,7 @@ bool next_member(int place, out Ray ray, out Member member, out uint id, out boo
 
 // Rays are retired in order, up to the first that is not finished.
 void retire_member(Member member, bool waits, bool wants, uint id, bool ended, inout bool finished) {
-    bool occluded = wants && member.t_max < 0.0;
+    bool occluded = wants && member.start != 0;
     finished = finished && (ended || occluded);
     if (waits) retire_any(id, occluded, finished);
 }

@@ -20,10 +20,10 @@ int least_edge(Side side, vec3 direction, float error) {
 
 // Puts an end to a ray that is clearly occluded. Whether the exact test has to tell.
 bool judge(inout Member ray, Side side, int within) {
-    int least = least_edge(side, ray.direction, side.error);
-    bool lives = ray.t_max >= 0.0;
-    ray.t_max = least > within ? -1.0 : ray.t_max;
-    return least >= 0 && least <= within && lives;
+    int least = least_edge(side, ray.direction, side.error - intBitsToFloat(ray.start));
+    bool hit = least > within;
+    ray.start = hit ? GONE : ray.start;
+    return least >= 0 && !hit;
 }
 
 uint unsure_of(inout Bundle bundle, Side side, int within) {
@@ -32,8 +32,6 @@ uint unsure_of(inout Bundle bundle, Side side, int within) {
     unsure |= judge(bundle.c, side, within) ? 4u : 0u;
     return unsure | (judge(bundle.d, side, within) ? 8u : 0u);
 }
-
-bool any_lives(Bundle bundle) { return any(greaterThanEqual(t_max_of(bundle), vec4(0.0))); }
 
 Member member_at(Bundle bundle, uint bit) {
     Member ray = bundle.a;
@@ -60,15 +58,15 @@ bool meets_exactly(Member ray, vec3 origin, float box_pad, Triangle triangle) {
 // As `any_hits_together`. A triangle that the exact test was asked of is not asked again: the walk goes on with the leaf's next one.
 bool any_hits_by_sides(inout Bundle bundle) {
     top = 0;
-    int reference = anyone(any_lives(bundle)) ? ROOT : NOTHING;
+    int reference = anyone(lives(bundle)) ? ROOT : NOTHING;
     int done = 0;
     while (reference != NOTHING && STACK_HOLDS) {
         uint unsure = 0u;
         uint found = 0u;
-        Triangle triangle;
+        int unsure_place = 0;
         do {
             while (reference >= 0 && STACK_HOLDS) {
-                count_visits(t_max_of(bundle));
+                count_visits(bundle);
                 Boxes boxes = boxes_together(reference, bundle.origin);
                 uint met = met_together(boxes, bundle);
                 reference = next_reference(met, boxes.child);
@@ -78,29 +76,31 @@ bool any_hits_by_sides(inout Bundle bundle) {
             int last = last_if_leaf(reference);
             bool tests = place <= last;
             do {
-                if (tests) count_tests(t_max_of(bundle));
-                triangle = triangle_together(place);
+                if (tests) count_tests(bundle);
+                Triangle triangle = triangle_together(place);
                 Side side = side_from(bundle.origin, triangle);
                 int within = side.near || !tests ? NEVER : floatBitsToInt(2.0 * max(side.error, 1e-30));
                 unsure = unsure_of(bundle, side, within);
                 unsure = tests ? unsure : 0u;
-                found = or_together((unsure != 0u ? 1u : 0u) | (any_lives(bundle) ? 2u : 0u));
+                found = or_together((unsure != 0u ? 1u : 0u) | (lives(bundle) ? 2u : 0u));
                 place++;
             } while (found == 2u && place <= last && STACK_HOLDS);
             bool ends = found == 2u && place > last;
             done = found == 3u ? place - first : 0;
+            unsure_place = found == 3u ? place - 1 : 0;
             reference = pop_if(ends && is_leaf(reference), reference);
             reference = (found & 2u) != 0u ? reference : NOTHING;
         } while (found == 2u && reference != NOTHING && STACK_HOLDS);
         // Loops run once: what is rare stands behind them, and takes as little as it can.
+        Triangle triangle = triangle_together(unsure_place);
         bool more = false;
         do {
             uint bit = unsure & (0u - unsure);
             bool hit = meets_exactly(member_at(bundle, bit), bundle.origin, bundle.box_pad, triangle) && bit != 0u;
-            bundle.a.t_max = hit && bit == 1u ? -1.0 : bundle.a.t_max;
-            bundle.b.t_max = hit && bit == 2u ? -1.0 : bundle.b.t_max;
-            bundle.c.t_max = hit && bit == 4u ? -1.0 : bundle.c.t_max;
-            bundle.d.t_max = hit && bit == 8u ? -1.0 : bundle.d.t_max;
+            bundle.a.start = hit && bit == 1u ? GONE : bundle.a.start;
+            bundle.b.start = hit && bit == 2u ? GONE : bundle.b.start;
+            bundle.c.start = hit && bit == 4u ? GONE : bundle.c.start;
+            bundle.d.start = hit && bit == 8u ? GONE : bundle.d.start;
             unsure &= ~bit;
             more = anyone(unsure != 0u);
         } while (more && STACK_HOLDS);

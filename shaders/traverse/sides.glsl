@@ -27,7 +27,7 @@ Side side_from(vec3 start, Triangle triangle) {
     vec3 q = cross3(s, triangle.ab);
     // As meets_moller rounds it.
     float volume = dot3(triangle.ac, q);
-    float size = max_abs(s);
+    float size = intBitsToFloat(max(max(floatBitsToInt(abs(s.x)), floatBitsToInt(abs(s.y))), floatBitsToInt(abs(s.z))));
     float product = triangle.ab_sum * triangle.ac_sum;
     Side side;
     side.below = volume < 0.0;
