@@ -60,12 +60,14 @@ void retire_closest(uint id, Hit hit, bool finished) {
     if (ray_overflowed) overflowed++;
 }
 
+bool any_left() { return sample_next < sample_end; }
+
 bool next_any(out Ray ray, out bool occluded, out uint id) {
     id = sample_next;
     ray = Ray(vec3(0.0), vec3(0.0), 0.0);
     occluded = occluded_before;
     ray_overflowed = false;
-    bool more = sample_next < sample_end;
+    bool more = any_left();
     if (more) {
         sample_next++;
         lcg_before = lcg_state;

@@ -174,6 +174,13 @@ void count_visits(Bundle bundle) { FOR_LIVING(COUNT_VISIT) }
 #define count_visits(bundle)
 #endif
 
+// What comes after a node: the first of its children that some ray meets, or what waits.
+int visited(int reference, Bundle bundle) {
+    count_visits(bundle);
+    Boxes boxes = boxes_together(reference, bundle.origin);
+    return next_reference(met_together(boxes, bundle), boxes.child);
+}
+
 #include "bundle_sides.glsl"
 
 // Returns whether the walk came to its end; occluded rays are gone then. A driver may run the body of a loop
@@ -182,7 +189,7 @@ void count_visits(Bundle bundle) { FOR_LIVING(COUNT_VISIT) }
 bool any_hits_together(inout Bundle bundle) {
     top = 0;
     int reference = anyone(lives(bundle)) ? ROOT : NOTHING;
-    while (reference != NOTHING && STACK_HOLDS) {
+    do {
         int place = 0;
         int last = -1;
         bool found = false;
@@ -191,12 +198,9 @@ bool any_hits_together(inout Bundle bundle) {
         bvec4 meets = bvec4(false);
         Triangle triangle;
         do {
-            while (reference >= 0 && STACK_HOLDS) {
-                count_visits(bundle);
-                Boxes boxes = boxes_together(reference, bundle.origin);
-                uint met = met_together(boxes, bundle);
-                reference = next_reference(met, boxes.child);
-            }
+            do {
+                if (reference >= 0) reference = visited(reference, bundle);
+            } while (reference >= 0 && STACK_HOLDS);
             place = first_if_leaf(reference);
             last = last_if_leaf(reference);
             do {
@@ -243,7 +247,7 @@ bool any_hits_together(inout Bundle bundle) {
         bool goes_on = anyone(lives(bundle));
         reference = pop_if(at_leaf && !found && place > last, reference);
         reference = goes_on ? reference : NOTHING;
-    }
+    } while (reference != NOTHING && STACK_HOLDS);
     return reference == NOTHING;
 }
 
@@ -276,9 +280,9 @@ void retire_member(Member member, bool waits, bool wants, uint id, bool ended, i
 }
 
 void run_any() {
-    bool more = true;
+    bool more = false;
     float box_pad = frame.box_pad;
-    while (more) {
+    do {
         Bundle bundle;
         bundle.box_pad = box_pad;
         bvec4 waits;
@@ -298,6 +302,6 @@ void run_any() {
         retire_member(bundle.c, waits.z, wants.z, ids.z, ended, finished);
         retire_member(bundle.d, waits.w, wants.w, ids.w, ended, finished);
         subgroupBarrier();
-        more = anyone(waits.x);
-    }
+        more = anyone(any_left());
+    } while (more);
 }

@@ -60,17 +60,14 @@ bool any_hits_by_sides(inout Bundle bundle) {
     top = 0;
     int reference = anyone(lives(bundle)) ? ROOT : NOTHING;
     int done = 0;
-    while (reference != NOTHING && STACK_HOLDS) {
+    do {
         uint unsure = 0u;
         uint found = 0u;
         int unsure_place = 0;
         do {
-            while (reference >= 0 && STACK_HOLDS) {
-                count_visits(bundle);
-                Boxes boxes = boxes_together(reference, bundle.origin);
-                uint met = met_together(boxes, bundle);
-                reference = next_reference(met, boxes.child);
-            }
+            do {
+                if (reference >= 0) reference = visited(reference, bundle);
+            } while (reference >= 0 && STACK_HOLDS);
             int first = first_if_leaf(reference);
             int place = first + done;
             int last = last_if_leaf(reference);
@@ -104,6 +101,6 @@ bool any_hits_by_sides(inout Bundle bundle) {
             unsure &= ~bit;
             more = anyone(unsure != 0u);
         } while (more && STACK_HOLDS);
-    }
+    } while (reference != NOTHING && STACK_HOLDS);
     return reference == NOTHING;
 }
