@@ -11,6 +11,7 @@ pub mod ordered;
 pub mod packet;
 pub mod pair;
 pub mod postponed;
+pub mod sides;
 pub mod single_push;
 pub mod stack;
 pub mod threaded;
