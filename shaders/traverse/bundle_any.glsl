@@ -10,7 +10,8 @@ struct Member {
     int start;
 };
 
-// Where a ray begins that is none, or none any more: behind all exits from boxes, which a scene has no room for.
+// Where a ray begins that is none, or none any more: behind exits from boxes. (Beyond it lies none that matters: at worst a node is visited
+// for nobody.)
 #define GONE 0x7f000000
 
 // Rays from one point. A compiler that takes the operations as they come has few values to keep at a time if one ray
@@ -183,9 +184,10 @@ int visited(int reference, Bundle bundle) {
 
 #include "bundle_sides.glsl"
 
-// Returns whether the walk came to its end; occluded rays are gone then. A driver may run the body of a loop
-// once before it asks for its condition (Mesa's does), so the loops are laid out such that this is seldom in vain. What
-// a loop that was left early did not visit stays `reference`, which then is not NOTHING at the end.
+// Returns whether the walk came to its end; occluded rays are gone then. Mesa's CPU driver runs the body of a loop before it
+// asks for its condition, and under an empty mask once more behind the last turn of a loop that asks first: so loops ask at their end, and
+// what is there for some of their turns only stands in a branch. What a loop that was left early did not visit stays `reference`, which then is
+// not NOTHING at the end.
 bool any_hits_together(inout Bundle bundle) {
     top = 0;
     int reference = anyone(lives(bundle)) ? ROOT : NOTHING;

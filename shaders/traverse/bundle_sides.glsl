@@ -1,5 +1,6 @@
-// Any hits of a bundle where a triangle's edge functions tell: nearly every triangle is clearly beside all rays or clearly hit, and only
+// Any hits of a bundle where a triangle's edge functions tell: nearly every ray passes a triangle clearly or is clearly occluded, and only
 // what is left is asked of the exact test, ray by ray. So the answers are those of `any_hits_together`.
+// Twin of the verdict: src/reference/traverse/sides.rs.
 
 #include "sides.glsl"
 
@@ -88,7 +89,8 @@ bool any_hits_by_sides(inout Bundle bundle) {
             reference = pop_if(ends && is_leaf(reference), reference);
             reference = (found & 2u) != 0u ? reference : NOTHING;
         } while (found == 2u && reference != NOTHING && STACK_HOLDS);
-        // Loops run once: what is rare stands behind them, and takes as little as it can.
+        // It runs once in vain, too: what is rare takes as little as it can, one ray at a time. The triangle is fetched anew, for what is kept
+        // from the loops above is stored there for each triangle.
         Triangle triangle = triangle_together(unsure_place);
         bool more = false;
         do {
