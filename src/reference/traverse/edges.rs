@@ -160,7 +160,9 @@ mod tests {
             }
         }
         assert!(quads > 800, "{quads}");
-        assert!(seen.iter().chain(&seen_alone).all(|&count| count > 10_000), "{seen:?} {seen_alone:?}");
+        assert!(seen.iter().all(|&count| count > 10_000), "{seen:?}");
+        assert!(seen_alone.iter().all(|&count| count > 5_000), "{seen_alone:?}");
+        println!("{wrong_if_narrow} verdicts of triangles would be wrong with a sixteenth of their measure");
         assert!(wrong_if_narrow > 0, "nothing here needs the measure");
         assert!(unsure * 100 < anywhere, "{unsure} of {anywhere} are not sure");
     }
