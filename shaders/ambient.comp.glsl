@@ -60,12 +60,14 @@ void retire_closest(uint id, Hit hit, bool finished) {
     if (ray_overflowed) overflowed++;
 }
 
+bool any_left() { return sample_next < sample_end; }
+
 bool next_any(out Ray ray, out bool occluded, out uint id) {
     id = sample_next;
     ray = Ray(vec3(0.0), vec3(0.0), 0.0);
     occluded = occluded_before;
     ray_overflowed = false;
-    bool more = sample_next < sample_end;
+    bool more = any_left();
     if (more) {
         sample_next++;
         lcg_before = lcg_state;
@@ -98,8 +100,6 @@ void retire_any(uint id, bool occluded, bool finished) {
 #define RAYS 4
 // The samples that invocations of this workgroup may have, the same for all of it.
 uvec2 sample_span() { return uvec2(range.sample_begin, range.sample_end); }
-
-bool any_left() { return sample_next < sample_end; }
 
 bool has_sample(uint id) { return id >= sample_next && id < sample_end; }
 

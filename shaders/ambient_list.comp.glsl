@@ -93,7 +93,7 @@ void retire_any(uint id, bool occluded, bool finished) {
         escaped[id & 1u]++;
         sum += sample_weight;
 #ifdef ADDS_TO_ONE
-        atomicAdd(counters[0].escaped, 1u);
+        atomicAdd(counter_words[ESCAPED_WORD], 1u);
 #endif
     }
 }

@@ -14,6 +14,9 @@ layout(local_size_x = LIST_SIZE) in;
 
 STORAGE_BLOCK(BINDING_HITS) readonly buffer HitBlock { HitRecord hits[]; };
 
+// The words of `arguments` that the first invocations write, one each: a CPU device goes through its lanes at each access.
+STORAGE_BLOCK(BINDING_ARGUMENTS) writeonly buffer ArgumentWordBlock { uint argument_words[]; };
+
 // Who of the workgroup is listed, a bit each.
 #define MASKS (LIST_SIZE / 32)
 shared uint group_mask[MASKS];
@@ -43,12 +46,13 @@ void main() {
     barrier();
     if (listed_too) atomicOr(group_mask[lane >> 5], 1u << (lane & 31u));
     barrier();
-    uint before = bitCount(group_mask[lane >> 5] & ((1u << (lane & 31u)) - 1u));
+    uint before = 0u;
     uint all = 0u;
     for (uint i = 0u; i < MASKS; i++) {
-        uint count = bitCount(group_mask[i]);
-        if (i < lane >> 5) before += count;
-        all += count;
+        uint mask = group_mask[i];
+        uint earlier = i == lane >> 5 ? mask & ((1u << (lane & 31u)) - 1u) : i < lane >> 5 ? mask : 0u;
+        before += bitCount(earlier);
+        all += bitCount(mask);
     }
     if (lane == 0u && all > 0u) {
         group_begin = atomicAdd(arguments.count, all);
@@ -56,13 +60,20 @@ void main() {
         atomicMax(arguments.blocks_x, (end * SAMPLE_LANES + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
         atomicMax(arguments.pixels_x, (end + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
     }
-    if (offset == 0u) {
-        uint samples = range.sample_end - range.sample_begin;
-        arguments.blocks_y = 1u;
-        arguments.blocks_z = (samples + range.block - 1u) / range.block;
-        arguments.pixels_y = 1u;
-        arguments.pixels_z = 1u;
+    uint samples = range.sample_end - range.sample_begin;
+    uint blocks = (samples + range.block - 1u) / range.block;
+    if (offset < ARGUMENT_WORDS && (ADDED_WORDS >> offset & 1u) == 0u) {
+        argument_words[offset] = offset == BLOCKS_Z_WORD ? blocks : 1u;
     }
     barrier();
-    if (listed_too) listed[group_begin + before] = Listed(pixel, first - range.sample_begin, budget.x, budget.y);
+    if (listed_too) {
+        uint place = group_begin + before;
+        listed[place].pixel = pixel;
+        listed[place].skip = first - range.sample_begin;
+        // Nobody reads them otherwise.
+        if (BUDGETS) {
+            listed[place].begin = budget.x;
+            listed[place].end = budget.y;
+        }
+    }
 }

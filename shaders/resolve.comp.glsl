@@ -39,14 +39,19 @@ void main() {
         uvec2 escaped = uvec2(0u);
         uint finished = 0u;
         float sum = 0.0;
-        bool whole = true;
-        for (uint block = 0u; whole && block * range.block < asked; block++) {
-            Partial part = load_partial(block * range.stride + place, first_sample + block * range.block);
-            escaped += uvec2(part.escaped0, part.escaped1);
-            finished += part.finished;
-            sum += part.sum;
-            whole = finished == min((block + 1u) * range.block, asked);
-        }
+        uint block = 0u;
+        bool more = asked > 0u;
+        // A loop that asks first runs its body once more on a CPU device.
+        do {
+            if (more) {
+                Partial part = load_partial(block * range.stride + place, first_sample + block * range.block);
+                escaped += uvec2(part.escaped0, part.escaped1);
+                finished += part.finished;
+                sum += part.sum;
+                block++;
+                more = finished == min(block * range.block, asked) && block * range.block < asked;
+            }
+        } while (more);
         // Of samples in a row, every other one is even.
         uint even = (finished + 1u - (first_sample & 1u)) / 2u;
         add_samples(entry.pixel, pixel_position(entry.pixel), escaped, uvec2(even, finished - even), sum);

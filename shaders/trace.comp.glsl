@@ -42,6 +42,8 @@ void retire_closest(uint id, Hit hit, bool finished) {
     ray_finished = finished;
 }
 
+bool any_left() { return waits; }
+
 bool next_any(out Ray ray, out bool occluded, out uint id) {
     id = answer_index();
     bool more = waits;

@@ -475,6 +475,14 @@ constants! {
 
     /// Pixels of a workgroup of the list: whole tiles, and no more than every device can run.
     LIST_SIZE = 128;
+    /// Places of words that are written by their number.
+    COUNTER_WORDS = 8;
+    COUNTED_WORDS = 5;
+    ESCAPED_WORD = 5;
+    ARGUMENT_WORDS = 7;
+    BLOCKS_Z_WORD = 2;
+    /// A bit for each of the list's sizes that workgroups add to: blocks_x, count and pixels_x.
+    ADDED_WORDS = 0x19;
     /// In a face's second triangle: it is wound unlike the first.
     FACE_TURNED = 0x8000_0000;
 
@@ -520,4 +528,15 @@ const _: () = {
     assert!(std::mem::offset_of!(WideNode, child0) == 16 * WIDE_CHILD_WORD as usize);
     assert!(size_of::<QuadNode>() == 16 * QUAD_WORDS as usize);
     assert!(std::mem::offset_of!(QuadNode, child0) == 16 * QUAD_CHILD_WORD as usize);
+};
+
+const _: () = {
+    use std::mem::offset_of;
+    assert!(size_of::<Counters>() == 4 * COUNTER_WORDS as usize);
+    assert!(offset_of!(Counters, overflowed) == 4 * (COUNTED_WORDS as usize - 1));
+    assert!(offset_of!(Counters, escaped) == 4 * ESCAPED_WORD as usize);
+    assert!(offset_of!(ListArguments, pixels_z) == 4 * (ARGUMENT_WORDS as usize - 1));
+    assert!(offset_of!(ListArguments, blocks_z) == 4 * BLOCKS_Z_WORD as usize);
+    let added = [offset_of!(ListArguments, blocks_x), offset_of!(ListArguments, count), offset_of!(ListArguments, pixels_x)];
+    assert!(ADDED_WORDS == 1 << (added[0] / 4) | 1 << (added[1] / 4) | 1 << (added[2] / 4));
 };

@@ -1,12 +1,18 @@
 // Any hits of a bundle, four rays a lane.
 
-// A ray of a lane. `t_max` is negative where there is none, or none any more: it wants nothing.
+// A ray of a lane.
 struct Member {
     vec3 direction;
     vec3 inverse;
     float error;
     float t_max;
+    // Where it begins, as the bits of its t: 0, or GONE.
+    int start;
 };
+
+// Where a ray begins that is none, or none any more: behind exits from boxes. (Beyond it lies none that matters: at worst a node is visited
+// for nobody.)
+#define GONE 0x7f000000
 
 // Rays from one point. A compiler that takes the operations as they come has few values to keep at a time if one ray
 // follows the other.
@@ -26,8 +32,9 @@ struct Bundle {
 // that one at 0 or later, the difference from its origin is not 0 here, nor is the product, however long the direction.
 #define EXIT_ULPS 17
 
-// Whether the ray meets the box (as seen from its origin), at least where the robust test of slabs.glsl says so.
-bool meets_seen_box(Member ray, vec3 low, vec3 high) {
+// Whether the ray misses the box (as seen from its origin), only where the robust test of slabs.glsl says so. (Not whether it meets it:
+// a CPU's comparison of integers is that for `greater`.)
+bool misses_seen_box(Member ray, vec3 low, vec3 high) {
     precise float x0 = low.x * ray.inverse.x;
     precise float x1 = high.x * ray.inverse.x;
     int enter = min(floatBitsToInt(x0), floatBitsToInt(x1));
@@ -40,24 +47,26 @@ bool meets_seen_box(Member ray, vec3 low, vec3 high) {
     precise float z1 = high.z * ray.inverse.z;
     enter = max(enter, min(floatBitsToInt(z0), floatBitsToInt(z1)));
     leave = min(leave, max(floatBitsToInt(z0), floatBitsToInt(z1)));
-    return max(enter, 0) <= min(leave + EXIT_ULPS, floatBitsToInt(ray.t_max));
+    leave += EXIT_ULPS;
+    if (BOUNDED) leave = min(leave, floatBitsToInt(ray.t_max));
+    return max(enter, ray.start) > leave;
 }
 
-bool any_meets(Bundle bundle, vec3 low, vec3 high) {
-    bool meets = meets_seen_box(bundle.a, low, high);
-    meets = meets_seen_box(bundle.b, low, high) || meets;
-    meets = meets_seen_box(bundle.c, low, high) || meets;
-    return meets_seen_box(bundle.d, low, high) || meets;
+bool all_miss(Bundle bundle, vec3 low, vec3 high) {
+    bool misses = misses_seen_box(bundle.a, low, high);
+    misses = misses_seen_box(bundle.b, low, high) && misses;
+    misses = misses_seen_box(bundle.c, low, high) && misses;
+    return misses_seen_box(bundle.d, low, high) && misses;
 }
 
 // A bit for each child that any ray of the subgroup meets.
 uint met_together(Boxes boxes, Bundle bundle) {
 #define LOW(i) vec3(boxes.low_x.i, boxes.low_y.i, boxes.low_z.i)
 #define HIGH(i) vec3(boxes.high_x.i, boxes.high_y.i, boxes.high_z.i)
-    uint met = any_meets(bundle, LOW(x), HIGH(x)) ? 1u : 0u;
-    met |= any_meets(bundle, LOW(y), HIGH(y)) ? 2u : 0u;
-    met |= any_meets(bundle, LOW(z), HIGH(z)) ? 4u : 0u;
-    met |= any_meets(bundle, LOW(w), HIGH(w)) ? 8u : 0u;
+    uint met = all_miss(bundle, LOW(x), HIGH(x)) ? 0u : 1u;
+    met |= all_miss(bundle, LOW(y), HIGH(y)) ? 0u : 2u;
+    met |= all_miss(bundle, LOW(z), HIGH(z)) ? 0u : 4u;
+    met |= all_miss(bundle, LOW(w), HIGH(w)) ? 0u : 8u;
     return or_together(met);
 }
 
@@ -85,7 +94,7 @@ bool meets_moller_of(Member ray, Seen seen, Triangle triangle, out float det, ou
     float v = uintBitsToFloat(floatBitsToUint(dot3(ray.direction, seen.q)) ^ side);
     t = uintBitsToFloat(floatBitsToUint(seen.t) ^ side);
     precise float u_plus_v = u + v;
-    bool meets = det > SMALLEST_DETERMINANT && t > 0.0 && ray.t_max >= 0.0;
+    bool meets = det > SMALLEST_DETERMINANT && t > 0.0 && ray.start == 0;
     if (!CONSERVATIVE) return meets && u >= 0.0 && v >= 0.0 && u_plus_v <= det;
     precise float error_s = ray.error * seen.size;
     precise float error_u = error_s * triangle.ac_sum;
@@ -141,7 +150,7 @@ bvec4 guarded_of_all(Bundle bundle, Triangle triangle, bvec4 meets, vec4 det, ve
 
 // The tests that do not have a form for several rays.
 bool meets_alone(Member member, vec3 origin, int index) {
-    if (member.t_max < 0.0) return false;
+    if (member.start != 0) return false;
     Ray ray = Ray(origin, member.direction, member.t_max);
     return any_of_triangle(ray, slabs_of(ray), index);
 }
@@ -151,36 +160,38 @@ bvec4 each_alone(Bundle bundle, int index) {
                  meets_alone(bundle.c, bundle.origin, index), meets_alone(bundle.d, bundle.origin, index));
 }
 
-vec4 t_max_of(Bundle bundle) { return vec4(bundle.a.t_max, bundle.b.t_max, bundle.c.t_max, bundle.d.t_max); }
+bool lives(Bundle bundle) { return min(min(bundle.a.start, bundle.b.start), min(bundle.c.start, bundle.d.start)) == 0; }
 
 #ifdef COUNTS_WORK
-void count_tests(vec4 t_max) {
-    for (int i = 0; i < 4; i++) {
-        if (t_max[i] >= 0.0) {
-            COUNT_TEST();
-        }
-    }
-}
-
-void count_visits(vec4 t_max) {
-    for (int i = 0; i < 4; i++) {
-        if (t_max[i] >= 0.0) {
-            COUNT_VISIT();
-        }
-    }
-}
+#define FOR_LIVING(DO) \
+    if (bundle.a.start == 0) DO(); \
+    if (bundle.b.start == 0) DO(); \
+    if (bundle.c.start == 0) DO(); \
+    if (bundle.d.start == 0) DO();
+void count_tests(Bundle bundle) { FOR_LIVING(COUNT_TEST) }
+void count_visits(Bundle bundle) { FOR_LIVING(COUNT_VISIT) }
 #else
-#define count_tests(t_max)
-#define count_visits(t_max)
+#define count_tests(bundle)
+#define count_visits(bundle)
 #endif
 
-// Returns whether the walk came to its end; occluded rays have a negative `t_max` then. A driver may run the body of a loop
-// once before it asks for its condition (Mesa's does), so the loops are laid out such that this is seldom in vain. What
-// a loop that was left early did not visit stays `reference`, which then is not NOTHING at the end.
+// What comes after a node: the first of its children that some ray meets, or what waits.
+int visited(int reference, Bundle bundle) {
+    count_visits(bundle);
+    Boxes boxes = boxes_together(reference, bundle.origin);
+    return next_reference(met_together(boxes, bundle), boxes.child);
+}
+
+#include "bundle_sides.glsl"
+
+// Returns whether the walk came to its end; occluded rays are gone then. Mesa's CPU driver runs the body of a loop before it
+// asks for its condition, and under an empty mask once more behind the last turn of a loop that asks first: so loops ask at their end, and
+// what is there for some of their turns only stands in a branch. What a loop that was left early did not visit stays `reference`, which then is
+// not NOTHING at the end.
 bool any_hits_together(inout Bundle bundle) {
     top = 0;
-    int reference = anyone(any(greaterThanEqual(t_max_of(bundle), vec4(0.0)))) ? ROOT : NOTHING;
-    while (reference != NOTHING && STACK_HOLDS) {
+    int reference = anyone(lives(bundle)) ? ROOT : NOTHING;
+    do {
         int place = 0;
         int last = -1;
         bool found = false;
@@ -189,16 +200,13 @@ bool any_hits_together(inout Bundle bundle) {
         bvec4 meets = bvec4(false);
         Triangle triangle;
         do {
-            while (reference >= 0 && STACK_HOLDS) {
-                count_visits(t_max_of(bundle));
-                Boxes boxes = boxes_together(reference, bundle.origin);
-                uint met = met_together(boxes, bundle);
-                reference = next_reference(met, boxes.child);
-            }
+            do {
+                if (reference >= 0) reference = visited(reference, bundle);
+            } while (reference >= 0 && STACK_HOLDS);
             place = first_if_leaf(reference);
             last = last_if_leaf(reference);
             do {
-                if (place <= last) count_tests(t_max_of(bundle));
+                if (place <= last) count_tests(bundle);
                 if (WATERTIGHT || ORIGINAL) {
                     meets = bvec4(false);
                     if (place <= last) meets = each_alone(bundle, place);
@@ -218,14 +226,14 @@ bool any_hits_together(inout Bundle bundle) {
         do {
             bvec4 occluded = meets;
             if (!(WATERTIGHT || ORIGINAL)) occluded = guarded_of_all(bundle, triangle, meets, det, t);
-            bundle.a.t_max = found && occluded.x ? -1.0 : bundle.a.t_max;
-            bundle.b.t_max = found && occluded.y ? -1.0 : bundle.b.t_max;
-            bundle.c.t_max = found && occluded.z ? -1.0 : bundle.c.t_max;
-            bundle.d.t_max = found && occluded.w ? -1.0 : bundle.d.t_max;
+            bundle.a.start = found && occluded.x ? GONE : bundle.a.start;
+            bundle.b.start = found && occluded.y ? GONE : bundle.b.start;
+            bundle.c.start = found && occluded.z ? GONE : bundle.c.start;
+            bundle.d.start = found && occluded.w ? GONE : bundle.d.start;
             found = false;
             do {
                 bool more = place <= last;
-                if (more) count_tests(t_max_of(bundle));
+                if (more) count_tests(bundle);
                 if (WATERTIGHT || ORIGINAL) {
                     meets = bvec4(false);
                     if (more) meets = each_alone(bundle, place);
@@ -238,10 +246,10 @@ bool any_hits_together(inout Bundle bundle) {
                 place++;
             } while (!found && place <= last);
         } while (found && STACK_HOLDS);
-        bool goes_on = anyone(any(greaterThanEqual(t_max_of(bundle), vec4(0.0))));
+        bool goes_on = anyone(lives(bundle));
         reference = pop_if(at_leaf && !found && place > last, reference);
         reference = goes_on ? reference : NOTHING;
-    }
+    } while (reference != NOTHING && STACK_HOLDS);
     return reference == NOTHING;
 }
 
@@ -250,7 +258,7 @@ bool any_hits_together(inout Bundle bundle) {
 
 Member member_of(Ray ray, bool wants) {
     float error = CONSERVATIVE ? error_of(ray.direction) : 0.0;
-    return Member(ray.direction, robust_inverse(ray.direction), error, wants ? ray.t_max : -1.0);
+    return Member(ray.direction, robust_inverse(ray.direction), error, ray.t_max, wants ? 0 : GONE);
 }
 
 // The next ray, if the lane takes so many at a time and has one.
@@ -268,15 +276,15 @@ bool next_member(int place, out Ray ray, out Member member, out uint id, out boo
 
 // Rays are retired in order, up to the first that is not finished.
 void retire_member(Member member, bool waits, bool wants, uint id, bool ended, inout bool finished) {
-    bool occluded = wants && member.t_max < 0.0;
+    bool occluded = wants && member.start != 0;
     finished = finished && (ended || occluded);
     if (waits) retire_any(id, occluded, finished);
 }
 
 void run_any() {
-    bool more = true;
+    bool more = false;
     float box_pad = frame.box_pad;
-    while (more) {
+    do {
         Bundle bundle;
         bundle.box_pad = box_pad;
         bvec4 waits;
@@ -289,13 +297,13 @@ void run_any() {
         waits.z = next_member(2, ray, bundle.c, ids.z, wants.z);
         waits.w = next_member(3, ray, bundle.d, ids.w, wants.w);
         subgroupBarrier();
-        bool ended = any_hits_together(bundle);
+        bool ended = SURE_BY_SIDES ? any_hits_by_sides(bundle) : any_hits_together(bundle);
         bool finished = true;
         retire_member(bundle.a, waits.x, wants.x, ids.x, ended, finished);
         retire_member(bundle.b, waits.y, wants.y, ids.y, ended, finished);
         retire_member(bundle.c, waits.z, wants.z, ids.z, ended, finished);
         retire_member(bundle.d, waits.w, wants.w, ids.w, ended, finished);
         subgroupBarrier();
-        more = anyone(waits.x);
-    }
+        more = anyone(any_left());
+    } while (more);
 }

@@ -51,37 +51,44 @@ bool closest_of_leaf_together(Ray ray, Slabs slabs, bool waits, int first, int l
     return i > last;
 }
 
+// What comes after a node: the child that is entered first, or what waits.
+int visited_for_closest(int reference, vec3 origin, vec3 inverse, float t_max) {
+    Boxes boxes = boxes_together(reference, origin);
+    ivec4 keys = min_together(entries(boxes, inverse, t_max));
+    ivec4 child = boxes.child;
+    order_pair(keys.x, keys.y, child.x, child.y);
+    order_pair(keys.z, keys.w, child.z, child.w);
+    order_pair(keys.x, keys.z, child.x, child.z);
+    order_pair(keys.y, keys.w, child.y, child.w);
+    order_pair(keys.y, keys.z, child.y, child.z);
+    push_if(keys.w < 0x7fffffff, child.w);
+    push_if(keys.z < 0x7fffffff, child.z);
+    push_if(keys.y < 0x7fffffff, child.y);
+    return pop_if(keys.x == 0x7fffffff, child.x);
+}
+
 bool closest_hit_together(Ray ray, bool waits, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     vec3 inverse = robust_inverse(ray.direction);
     top = 0;
     bool finished = true;
     int reference = anyone(waits) ? ROOT : NOTHING;
-    while (reference != NOTHING && STACK_HOLDS) {
-        while (reference >= 0 && STACK_HOLDS) {
-            if (waits) {
-                COUNT_VISIT();
+    do {
+        do {
+            if (reference >= 0) {
+                if (waits) {
+                    COUNT_VISIT();
+                }
+                reference = visited_for_closest(reference, ray.origin, inverse, waits ? box_limit(hit.t) : -1.0);
             }
-            Boxes boxes = boxes_together(reference, ray.origin);
-            ivec4 keys = min_together(entries(boxes, inverse, waits ? box_limit(hit.t) : -1.0));
-            ivec4 child = boxes.child;
-            order_pair(keys.x, keys.y, child.x, child.y);
-            order_pair(keys.z, keys.w, child.z, child.w);
-            order_pair(keys.x, keys.z, child.x, child.z);
-            order_pair(keys.y, keys.w, child.y, child.w);
-            order_pair(keys.y, keys.z, child.y, child.z);
-            push_if(keys.w < 0x7fffffff, child.w);
-            push_if(keys.z < 0x7fffffff, child.z);
-            push_if(keys.y < 0x7fffffff, child.y);
-            reference = pop_if(keys.x == 0x7fffffff, child.x);
-        }
+        } while (reference >= 0 && STACK_HOLDS);
         bool tests = waits && is_leaf(reference);
         int last = last_if_leaf(reference);
         finished = closest_of_leaf_together(ray, slabs, tests, first_if_leaf(reference), last, hit) && finished;
         subgroupBarrier();
         // A node that is still to be visited, since the driver left the loop early, stays.
         reference = pop_if(is_leaf(reference), reference);
-    }
+    } while (reference != NOTHING && STACK_HOLDS);
     return finished && reference == NOTHING;
 }
 

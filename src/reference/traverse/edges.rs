@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use super::sides::Verdict;
 use crate::layout::{FACE_TURNED, Face, Triangle};
 use crate::reference::arith::{cross3, dot3};
 
@@ -10,14 +11,6 @@ use crate::reference::arith::{cross3, dot3};
 const NEAR_SCALE: f32 = 1.0 / 1_048_576.0;
 /// From here on a direction is within.
 const WITHIN: f32 = 2.0;
-
-/// What a face's edges tell of a ray.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    Outside,
-    Unsure,
-    Within,
-}
 
 /// Whether the exact test's t of rays that leave the plane upwards is below 0.
 fn below(start: Vec3, triangle: &Triangle) -> bool {
@@ -83,6 +76,7 @@ mod tests {
     use crate::reference::ray::Ray;
     use crate::reference::slabs::slabs_of;
     use crate::reference::testing::{Random, Scene};
+    use crate::reference::traverse::sides::{Side, side_from};
     use crate::reference::{Choices, Inputs, Traversal};
 
     /// A parallelogram, up to a thousand times as long as wide, a kite, a trapezoid or a lone triangle, of any size.
@@ -111,6 +105,9 @@ mod tests {
         let mut random = Random::new(77);
         let (mut quads, mut unsure, mut anywhere) = (0, 0, 0);
         let mut seen = [0u32; 3];
+        // Of triangles alone, as they are and with a sixteenth of their measure, which does not hold.
+        let mut seen_alone = [0u32; 3];
+        let mut wrong_if_narrow = 0;
         for round in 0..4_000 {
             let corners = corners_of(&mut random, round % 4);
             let (triangles, points): (Vec<_>, Vec<_>) = corners
@@ -151,6 +148,16 @@ mod tests {
                     if aimed { (target - start).normalize_or(Vec3::Z) } else { random.direction() };
                 let ray = Ray { origin: start, direction, t_max: f32::MAX };
                 let slabs = slabs_of(&ray, true);
+                for (index, triangle) in triangles.iter().enumerate() {
+                    let exact = any_of_triangle(&inputs, &ray, &slabs, index as u32);
+                    let side = side_from(start, triangle);
+                    let verdict = side.verdict(direction);
+                    seen_alone[verdict as usize] += 1;
+                    let wrong = if exact { Verdict::Outside } else { Verdict::Within };
+                    assert!(verdict != wrong, "round {round}: {verdict:?}, {exact}: {ray:?} {triangle:?}");
+                    let narrow = Side { error: side.error / 16.0, ..side };
+                    wrong_if_narrow += u32::from(narrow.verdict(direction) == wrong);
+                }
                 let size = f64::from(reach) + f64::from(largest(&[start]));
                 for face in &faces(&pairs, &triangles, 0.0, size)[1..] {
                     let exact = [face.first, face.second & !FACE_TURNED]
@@ -171,6 +178,8 @@ mod tests {
         }
         assert!(quads > 800, "{quads}");
         assert!(seen.iter().all(|&count| count > 10_000), "{seen:?}");
+        assert!(seen_alone.iter().all(|&count| count > 5_000), "{seen_alone:?}");
+        assert!(wrong_if_narrow > 0, "nothing here needs the measure");
         assert!(unsure * 100 < anywhere, "{unsure} of {anywhere} are not sure");
     }
 }

@@ -1,5 +1,6 @@
 //! One method a file, as in shaders/traverse/. The loops have no limit here, so every ray is finished.
 
+pub mod beam;
 pub mod brute;
 pub mod bundle;
 pub mod children;
@@ -11,6 +12,7 @@ pub mod ordered;
 pub mod packet;
 pub mod pair;
 pub mod postponed;
+pub mod sides;
 pub mod single_push;
 pub mod stack;
 pub mod threaded;
