@@ -96,16 +96,6 @@ void retire_any(uint id, bool occluded, bool finished) {
     }
 }
 
-#ifdef SHARES_START
-#define RAYS 4
-// The samples that invocations of this workgroup may have, the same for all of it.
-uvec2 sample_span() { return uvec2(range.sample_begin, range.sample_end); }
-
-bool has_sample(uint id) { return id >= sample_next && id < sample_end; }
-
-vec3 direction_of(uint id) { return ambient_ray(surface, sample_numbers(pixel, id, budget, lcg_state)).direction; }
-#endif
-
 #include "traverse"
 
 // Whether the camera ray met a surface. The original's far plane is at 1, its near plane at 0.

@@ -99,14 +99,15 @@ void retire_any(uint id, bool occluded, bool finished) {
 }
 
 #ifdef SHARES_START
-#define RAYS 8
 // The samples that invocations of this workgroup may have, the same for all of it.
 uvec2 sample_span() {
     uint begin = range.sample_begin + gl_WorkGroupID.z * range.block;
     return uvec2(begin, min(begin + range.block, range.sample_end));
 }
 
-bool has_sample(uint id) { return id >= sample_next && id < sample_end; }
+bool has_sample(uint id) {
+    return id >= sample_next && id < sample_end && (SAMPLE_LANES == 1u || (id - sample_next) % SAMPLE_LANES == 0u);
+}
 
 vec3 direction_of(uint id) { return ambient_ray(surface, next_numbers(id)).direction; }
 #endif

@@ -146,8 +146,11 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
         let scenes = [bars(1), bars(2), odd_faces(3), odd_faces(4), tiles()];
         for (number, scene) in scenes.iter().enumerate() {
             let geometry = geometry(scene, Preset::Auto);
-            let faces = pack::faces(geometry.corners(&scene.mesh));
-            assert!(faces[0].second > 0, "scene {number} has no face with four edges");
+            let pairs = pack::pairs(geometry.corners(&scene.mesh));
+            assert!(
+                pack::edges_of(&pairs) > 3 * pairs.len() as u32,
+                "scene {number} has no face with four edges"
+            );
             for (sampler, max_distance, samples) in
                 [(Sampler::Sobol, None, 64), (Sampler::Pcg, None, 21), (Sampler::Pcg, Some(0.7), 16)]
             {
@@ -161,7 +164,7 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
                     let brute = decision(device, &geometry, Method::Brute, Passes::Split, sampler);
                     let plan = plan_decided(device, scene, &geometry, job.clone(), &brute);
                     assert_eq!(plan.kernels[2].name, "ambient_list/brute/ssbo");
-                    assert!(plan.face_corners.is_some(), "faces are not packed");
+                    assert!(plan.faces.is_some(), "faces are not packed");
                     let plan = plan.with_constant(SPEC_SAMPLE_LANES, lanes);
                     let outcome = run(device, &plan);
                     let what = format!("scene {number}, {sampler:?}, {max_distance:?}, {lanes} lanes");

@@ -27,9 +27,9 @@
 #define WITHIN 0x40000000
 
 // Whether faces are there for these choices: otherwise nothing stands where their number does.
+// (`lcg` steps a state from ray to ray.)
 bool takes_faces() {
-    bool all = range.triangle_begin == 0u && range.triangle_end == frame.triangle_count;
-    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && all && load_face(0u).first > 0u;
+    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && load_face(0u).first > 0u;
 }
 
 int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
@@ -165,11 +165,8 @@ int least_of_four(Edges edges, vec3 direction) {
 }
 
 // Rays of an invocation under way.
-#if RAYS == 4
-#define EACH_RAY(DO) DO(0) DO(1) DO(2) DO(3)
-#else
+#define RAYS 8
 #define EACH_RAY(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
-#endif
 
 // Each ray by name, so that all stay in registers.
 vec3 directions[RAYS];

@@ -33,12 +33,14 @@ pub struct Decision {
 /// Up to this many triangles all of them are tested on any device; one by one, a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
-/// Up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for all of a pixel's rays, is the fastest on a GPU
-/// (measured on an H100 at 64 samples: 1.5 times the rate of `entry` on Cornell with 66 edges and a cost of 12.3, 1.0 with 54 and 5.9,
-/// 0.85 with 96 and 6.6, 0.7 with 216 and 9.3).
+/// Up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for many of a pixel's rays, is the fastest on a GPU
+/// (measured on an H100 at 64 samples: 1.7 times the rate of `entry` on Cornell with 66 edges and a cost of 12.3; boxes on a floor 1.4 with 28
+/// edges and 5.0, 1.4 with 52 and 5.5, 1.0 with 100 and 8.0, 0.8 with 148 and 5.6; a closed room from outside, which every ray leaves, 0.75
+/// with 44 and 9.9).
 const EDGES_FOR_COST: f64 = 9.5;
-/// Samples of a camera ray from which that pays (there, 1.4 times the rate of the next best at 16, 0.7 times at 12).
-const MANY_SAMPLES: u32 = 16;
+/// Samples of a camera ray from which that pays (there, 1.4, 1.2 and 1.1 times the rate of the next best at 8 on Cornell and the first two of
+/// those, 0.85 times at 4).
+const MANY_SAMPLES: u32 = 8;
 /// Samples of a camera ray from which a second kernel pays on a GPU (there, `split` has 0.7 to 0.95 times the rate of `single` at 4, 0.9 to 1.1
 /// times at 8, 1.0 to 1.2 times at 12).
 const SPLIT_FROM_SAMPLES: u32 = 8;
