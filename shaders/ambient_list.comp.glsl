@@ -178,9 +178,9 @@ void main() {
         add_up(member, lane, works, asked);
         works = works && lane == 0u;
     }
-    Counters mine = Counters(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
-    if (works) {
 #ifdef ADDS_ATOMICALLY
+    Counters mine = Counters(0u, 0u, 0u, 0u, overflowed, 0u, 0u, 0u);
+    if (works) {
         uint even = (finished_samples + 1u - (first_sample & 1u)) / 2u;
         uint i = pixel - range.pixel_base;
         if (escaped.x > 0u) atomicAdd(counts[i].escaped0, escaped.x);
@@ -189,11 +189,13 @@ void main() {
         if (finished_samples > even) atomicAdd(counts[i].traced1, finished_samples - even);
         mine.ambient_asked = asked;
         mine.ambient_finished = finished_samples;
+    }
+    report(mine);
 #else
+    if (works) {
         partials[gl_WorkGroupID.z * range.stride + place] =
             Partial(escaped.x, escaped.y, finished_samples, sum);
-#endif
     }
-    mine.overflowed = overflowed;
-    report(mine);
+    report_overflows(overflowed);
+#endif
 }

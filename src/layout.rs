@@ -478,6 +478,7 @@ constants! {
     /// Places of words that are written by their number.
     COUNTER_WORDS = 8;
     COUNTED_WORDS = 5;
+    OVERFLOWED_WORD = 4;
     ESCAPED_WORD = 5;
     ARGUMENT_WORDS = 7;
     BLOCKS_Z_WORD = 2;
@@ -533,10 +534,17 @@ const _: () = {
 const _: () = {
     use std::mem::offset_of;
     assert!(size_of::<Counters>() == 4 * COUNTER_WORDS as usize);
-    assert!(offset_of!(Counters, overflowed) == 4 * (COUNTED_WORDS as usize - 1));
+    assert!(
+        offset_of!(Counters, overflowed) == 4 * OVERFLOWED_WORD as usize
+            && COUNTED_WORDS == OVERFLOWED_WORD + 1
+    );
     assert!(offset_of!(Counters, escaped) == 4 * ESCAPED_WORD as usize);
     assert!(offset_of!(ListArguments, pixels_z) == 4 * (ARGUMENT_WORDS as usize - 1));
     assert!(offset_of!(ListArguments, blocks_z) == 4 * BLOCKS_Z_WORD as usize);
-    let added = [offset_of!(ListArguments, blocks_x), offset_of!(ListArguments, count), offset_of!(ListArguments, pixels_x)];
+    let added = [
+        offset_of!(ListArguments, blocks_x),
+        offset_of!(ListArguments, count),
+        offset_of!(ListArguments, pixels_x),
+    ];
     assert!(ADDED_WORDS == 1 << (added[0] / 4) | 1 << (added[1] / 4) | 1 << (added[2] / 4));
 };

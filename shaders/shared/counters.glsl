@@ -8,6 +8,12 @@ STORAGE_BLOCK(BINDING_COUNTERS) buffer CounterBlock { uint counter_words[]; };
 // whoever takes part.
 shared uint group_counts[COUNTED_WORDS];
 
+// Where there is nothing to report but this, which is rare.
+void report_overflows(uint count) {
+    uint slot = gl_WorkGroupID.x % COUNTER_SLOTS;
+    if (count > 0u) atomicAdd(counter_words[slot * COUNTER_WORDS + OVERFLOWED_WORD], count);
+}
+
 // Every invocation of the workgroup calls this once, in uniform control flow.
 void report(Counters mine) {
     uint word = gl_LocalInvocationIndex;

@@ -18,8 +18,8 @@ uint pascal_product(uint index) {
 // practical by Burley (2020), with the better constants of Vegdahl (2021). Seeds must be random words.
 uvec2 owen_scramble(uvec2 digits, uvec2 seed) {
     digits ^= digits * 0x3d20adeau;
-    uvec2 odd = (seed >> 16) | 1u;
-    digits = digits * odd + seed * odd;
+    digits += seed;
+    digits *= (seed >> 16) | 1u;
     digits ^= digits * 0x05526c56u;
     digits ^= digits * 0x53a22864u;
     return digits;

@@ -128,7 +128,10 @@ fn face(pair: &Pair, triangles: &[Triangle], pad: f32, size: f64) -> Face {
         [u, v, w, EdgeFunction::default()]
     } else {
         let outer = |functions: [EdgeFunction; 3], shared: usize, turn: f64| {
-            [0, 1, 2].into_iter().filter(move |&edge| edge != shared).map(move |edge| scaled(functions[edge], turn))
+            [0, 1, 2]
+                .into_iter()
+                .filter(move |&edge| edge != shared)
+                .map(move |edge| scaled(functions[edge], turn))
         };
         let mut all = outer(first, pair.shared[0], turns[0]).chain(outer(second, pair.shared[1], turns[1]));
         std::array::from_fn(|_| all.next().unwrap_or_default())
@@ -174,7 +177,8 @@ fn grown_box(triangles: [&Triangle; 2], pad: f32) -> [[f32; 3]; 2] {
             [a, a + ab, a + ac]
         })
     };
-    let (min, max) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
+    let (min, max) =
+        (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
     [(min - pad).into(), (max + pad).into()]
 }
 

@@ -187,7 +187,7 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Bundle, "a CPU device is fastest where many rays share what a node costs".into())
     } else if let Some(edges) = geometry.face_edges
         && f64::from(edges) <= EDGES_FOR_COST * cost
-        && takes_faces(wishes, geometry)
+        && takes_faces(wishes, geometry, adapter)
     {
         let why = format!(
             "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for all of a pixel's rays"
@@ -219,9 +219,12 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
 }
 
 /// Whether `brute` would find each face's edges for many rays at once.
-fn takes_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
+fn takes_faces(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> bool {
+    let kernels = ["primary/brute/ssbo", "ambient_list/brute/ssbo"];
+    let runs = |name| find_kernel(name).and_then(|kernel| check_subgroup(kernel, adapter)).is_ok();
     let intersector = wishes.intersector.unwrap_or(choose_intersector(geometry).0);
-    intersector == Intersector::Conservative
+    kernels.into_iter().all(runs)
+        && intersector == Intersector::Conservative
         && wishes.slabs != Some(Slabs::Plain)
         && matches!(wishes.passes, None | Some(Passes::Split))
         && matches!(wishes.accumulator, None | Some(Accumulator::Count))
@@ -251,7 +254,7 @@ fn choose_passes(
 ) -> (Passes, &'static str) {
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
-        Method::Brute if !on_cpu && takes_faces(wishes, geometry) => {
+        Method::Brute if !on_cpu && takes_faces(wishes, geometry, adapter) => {
             (Passes::Split, "all of a pixel's rays share what a face costs")
         }
         Method::Brute => (Passes::Single, "one kernel does all of a pixel"),

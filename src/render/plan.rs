@@ -204,6 +204,13 @@ impl<'a> Plan<'a> {
         if one_by_one { 1 } else { self.settings.method.rays_together() }
     }
 
+    /// By how much the boxes of faces are grown, and how far a start may lie from a corner along an axis.
+    pub fn face_measures(&self) -> Option<(f32, f64)> {
+        let Frame { box_pad, largest, .. } = self.frame;
+        let pad = pack::beam_pad(box_pad, largest, self.reach.max(self.any_reach));
+        self.faces.as_ref().map(|_| (pad, f64::from(largest) + self.any_reach))
+    }
+
     /// Whether the edges of faces are found for many rays at a time.
     pub fn finds_edges(&self) -> bool {
         self.faces.is_some()
@@ -277,9 +284,7 @@ impl<'a> Plan<'a> {
 
     /// The tree's nodes as the kernel reads them, bytes; for `brute`, which reads none, the faces, or a word.
     pub fn node_bytes(&self) -> Vec<u8> {
-        if let Some(pairs) = &self.faces {
-            let pad = pack::beam_pad(self.frame.box_pad, self.frame.largest, self.reach.max(self.any_reach));
-            let size = f64::from(self.frame.largest) + self.any_reach;
+        if let (Some(pairs), Some((pad, size))) = (&self.faces, self.face_measures()) {
             return bytemuck::cast_slice(&pack::faces(pairs, &self.geometry.triangles, pad, size)).to_vec();
         }
         pack::node_bytes(self.node_layout(), &self.geometry.tree, self.geometry.collapsed(), self.node_pad())

@@ -74,7 +74,7 @@ struct Key {
     texels: bool,
     corners: bool,
     layout: NodeLayout,
-    faces: bool,
+    faces: Option<(u32, u64)>,
     pad: u32,
 }
 
@@ -86,7 +86,7 @@ impl Uploads {
             texels: plan.texels(),
             corners: plan.corners.is_some(),
             layout: plan.node_layout(),
-            faces: plan.faces.is_some(),
+            faces: plan.face_measures().map(|(pad, size)| (pad.to_bits(), size.to_bits())),
             pad: plan.node_pad().to_bits(),
         };
         if let Some((_, uploaded)) = self.known.iter().find(|(known, _)| *known == key) {

@@ -27,8 +27,7 @@ impl Beam {
     pub fn meets(&self, [low, high]: [Vec3; 2]) -> bool {
         let (mut enter, mut leave) = (0.0f32, NOWHERE);
         for axis in 0..3 {
-            let without_zero =
-                |d: f32, stand_in: f32| if d.abs() < LEAST_COMPONENT { stand_in } else { d };
+            let without_zero = |d: f32, stand_in: f32| if d.abs() < LEAST_COMPONENT { stand_in } else { d };
             let slowest = without_zero(self.directions[0][axis], -LEAST_COMPONENT);
             let fastest = without_zero(self.directions[1][axis], LEAST_COMPONENT);
             let below = (high[axis] - self.starts[0][axis]) * (1.0 / slowest);
@@ -69,7 +68,12 @@ mod tests {
                 towards[random.below(3) as usize] = 0.0;
             }
             let rays: Vec<_> = (0..1 + random.below(6))
-                .map(|_| (start + random.point() * spread * 0.1, (towards + random.point() * spread).normalize_or(Vec3::X)))
+                .map(|_| {
+                    (
+                        start + random.point() * spread * 0.1,
+                        (towards + random.point() * spread).normalize_or(Vec3::X),
+                    )
+                })
                 .collect();
             let size = 10f32.powf(-4.0 * random.unit());
             let along = towards * random.unit() + random.point() * spread.max(size);
@@ -91,6 +95,6 @@ mod tests {
             left_out += u32::from(!may);
             in_vain += u32::from(may && !hit);
         }
-        assert!(met > 20_000 && left_out > 20_000 && in_vain < 100_000, "{met} {left_out} {in_vain}");
+        assert!(met > 10_000 && left_out > 100_000 && in_vain < 20_000, "{met} {left_out} {in_vain}");
     }
 }
