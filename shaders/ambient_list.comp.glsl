@@ -99,12 +99,6 @@ void retire_any(uint id, bool occluded, bool finished) {
 }
 
 #ifdef SHARES_START
-// The samples that invocations of this workgroup may have, the same for all of it.
-uvec2 sample_span() {
-    uint begin = range.sample_begin + gl_WorkGroupID.z * range.block;
-    return uvec2(begin, min(begin + range.block, range.sample_end));
-}
-
 bool has_sample(uint id) {
     return id >= sample_next && id < sample_end && (SAMPLE_LANES == 1u || (id - sample_next) % SAMPLE_LANES == 0u);
 }

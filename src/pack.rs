@@ -18,7 +18,7 @@ use crate::bvh::wide::WideTree;
 use crate::bvh::{Aabb, Content, Tree};
 use crate::kernels::NodeLayout;
 use crate::layout::{
-    CentredNode, LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode,
+    CentredNode, Face, LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode,
 };
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
@@ -136,7 +136,9 @@ impl Collapsed {
 /// The array of nodes of a layout, bytes; a word where the kernel reads none.
 pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f32) -> Vec<u8> {
     match layout {
-        NodeLayout::None | NodeLayout::Faces => vec![0; 16],
+        NodeLayout::None => vec![0; 16],
+        // No faces.
+        NodeLayout::Faces => vec![0; size_of::<Face>()],
         NodeLayout::Single => bytemuck::cast_slice(&nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded => bytemuck::cast_slice(&threaded_nodes(tree, pad)).to_vec(),
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
@@ -151,7 +153,8 @@ pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f
 pub fn node_array_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed) -> u64 {
     let nodes = tree.nodes.len() as u64;
     match layout {
-        NodeLayout::None | NodeLayout::Faces => 16,
+        NodeLayout::None => 16,
+        NodeLayout::Faces => size_of::<Face>() as u64,
         NodeLayout::Single => nodes * size_of::<Node>() as u64,
         NodeLayout::Threaded => nodes * size_of::<ThreadedNode>() as u64,
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,

@@ -175,3 +175,27 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
         }
     });
 }
+
+/// Pixels get other numbers of samples, so that neighbours begin and end at others, in blocks of few.
+#[test]
+fn pixels_that_differ_in_their_samples_get_theirs() {
+    with_device(|device| {
+        let scene = bars(3);
+        let geometry = geometry(&scene, Preset::Auto);
+        for sampler in [Sampler::Sobol, Sampler::Pcg] {
+            let render = |method, passes| {
+                let mut job = Job { adaptive: true, ..job(&scene, (72, 45), 0..48) };
+                job.camera = pinhole([1.3, 1.1, 1.2], [0.0; 3], [0.0, 1.0, 0.0], 80.0);
+                let decision = decision(device, &geometry, method, passes, sampler);
+                let mut plan = plan_decided(device, &scene, &geometry, job, &decision);
+                assert_eq!(plan.finds_edges(), passes == Passes::Split);
+                plan.tuning.block = (passes == Passes::Split).then_some(8);
+                run(device, &plan)
+            };
+            let exact = render(Method::Threaded, Passes::Single);
+            let outcome = render(Method::Brute, Passes::Split);
+            assert!(outcome.accumulated == exact.accumulated, "{sampler:?}");
+            assert_eq!((outcome.repeats, outcome.ambient_rays), (0, exact.ambient_rays), "{sampler:?}");
+        }
+    });
+}

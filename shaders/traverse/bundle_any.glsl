@@ -164,10 +164,10 @@ bool lives(Bundle bundle) { return min(min(bundle.a.start, bundle.b.start), min(
 
 #ifdef COUNTS_WORK
 #define FOR_LIVING(DO) \
-    if (bundle.a.start == 0) DO(); \
-    if (bundle.b.start == 0) DO(); \
-    if (bundle.c.start == 0) DO(); \
-    if (bundle.d.start == 0) DO();
+    if (bundle.a.start == 0) { DO(); } \
+    if (bundle.b.start == 0) { DO(); } \
+    if (bundle.c.start == 0) { DO(); } \
+    if (bundle.d.start == 0) { DO(); }
 void count_tests(Bundle bundle) { FOR_LIVING(COUNT_TEST) }
 void count_visits(Bundle bundle) { FOR_LIVING(COUNT_VISIT) }
 #else

@@ -44,14 +44,16 @@ Bounds own_bounds(uint first, uint faces) {
 // done with face 1 + i } FACE_LOOP_END, after which `finished` tells whether it came to its end. `own`: the lane's box among the first.
 #define FACE_LOOP(beam, own, faces) \
     uint end = faces; \
+    uint asked = 0u; \
     uint left = 0u; \
     uint first = 0u; \
     while (first < end) { \
         subgroupBarrier(); \
         uvec4 met = subgroupBallot(first + gl_SubgroupInvocationID < end && beam_meets(beam, own)); \
+        left += subgroupBallotBitCount(met); \
+        asked += min(gl_SubgroupSize, end - first); \
         for (uint word = 0u; 32u * word < gl_SubgroupSize; word++) { \
             uint waiting = met[word]; \
-            left += bitCount(waiting); \
             while (waiting != 0u) { \
                 uint i = first + 32u * word + uint(findLSB(waiting)); \
                 waiting &= waiting - 1u; \
@@ -62,7 +64,7 @@ Bounds own_bounds(uint first, uint faces) {
         first += gl_SubgroupSize; \
         if (first < end) own = own_bounds(first, end); \
     } \
-    bool finished = first >= end && left == 0u;
+    bool finished = asked == end && left == 0u;
 
 #ifdef USES_CLOSEST
 
@@ -195,14 +197,18 @@ bool test_faces(Beam beam, Face header, Bounds own) {
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
 #define RETIRE(i) if ((wants >> i & 1u) == 1u) retire_any(first_id + uint(i), (occluded >> i & 1u) == 1u, finished);
 
-// Samples have the same numbers in all invocations, so that what follows from a sample's number alone is found once.
+// A subgroup takes the same samples at a time, from the first to the last that any of its invocations has left: what follows from a sample's
+// number alone is found once.
 void run_together() {
     Face header = load_face(0u);
     Bounds own = own_bounds(0u, header.first);
     subgroupBarrier();
     Bounds starts = bounds_together(Bounds(edge_start, edge_start), any_left());
-    uvec2 span = sample_span();
-    for (uint first_id = span.x; first_id < span.y; first_id += RAYS) {
+    uint begin = subgroupMin(any_left() ? sample_next : 0xffffffffu);
+    uint end = subgroupMax(any_left() ? sample_end : 0u);
+    uint samples = end > begin ? end - begin : 0u;
+    for (uint done = 0u; done < samples; done += RAYS) {
+        uint first_id = begin + done;
         uint wants = 0u;
         EACH_RAY(TAKE)
         Bounds bounds = Bounds(directions[0], directions[0]);
@@ -214,16 +220,18 @@ void run_together() {
         uint open = 0u;
         EACH_RAY(JUDGE)
         uint unsure = open & ~occluded & wants;
+        int unasked = bitCount(unsure);
         while (unsure != 0u) {
             int place = findLSB(unsure);
             unsure &= unsure - 1u;
+            unasked--;
             vec3 direction = vec3(0.0);
             EACH_RAY(CHOOSE)
             bool hit = false;
             finished = any_hit(Ray(edge_start, direction, frame.ambient_t_max), hit) && finished;
             occluded |= hit ? 1u << place : 0u;
         }
-        finished = finished && unsure == 0u;
+        finished = finished && unasked == 0;
         EACH_RAY(RETIRE)
         subgroupBarrier();
     }

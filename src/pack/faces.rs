@@ -110,12 +110,12 @@ fn face(pair: &Pair, triangles: &[Triangle], pad: f32, size: f64) -> Face {
     let both = pair.places.map(|place| &triangles[place]);
     let sums = both.map(|triangle| [triangle.ab_sum, triangle.ac_sum].map(f64::from));
     let product = |[ab, ac]: [f64; 2]| ab * ac;
-    let error = sums.map(|[ab, ac]| size * (ab + ac) + ab * ac).into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    let error = sums.map(|[ab, ac]| size * (ab + ac) + ab * ac).into_iter().fold(1e-30, f64::max);
     // The second triangle's as if it were wound like the first.
     let turns = [1.0, if pair.turned { -1.0 } else { 1.0 }];
     let planes = [0, 1].map(|i| {
         let [a, ab, ac] = [both[i].a, both[i].ab, both[i].ac].map(|v| Vec3::from(v).as_dvec3());
-        let normal = ab.cross(ac) * turns[i] / (EDGE_ERROR * size * product(sums[i])).max(f64::MIN_POSITIVE);
+        let normal = ab.cross(ac) * turns[i] / (EDGE_ERROR * size * product(sums[i])).max(1e-60);
         (normal, -a.dot(normal))
     });
     let [first, second] = both.map(edge_functions);

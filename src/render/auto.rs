@@ -47,6 +47,8 @@ const SPLIT_FROM_SAMPLES: u32 = 8;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
 /// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
+/// Samples of a camera ray from which it is not.
+const WIDE_BELOW_SAMPLES: u32 = 16;
 /// From this many triangles on it is again, with its small nodes, if one kernel does all of a pixel (there, at 4
 /// samples, 1.2 to 1.28 times the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.75 to 0.9 times on the
 /// arcade of 260,000).
@@ -190,10 +192,10 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         && takes_faces(wishes, geometry, adapter)
     {
         let why = format!(
-            "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for all of a pixel's rays"
+            "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for many of a pixel's rays"
         );
         (Method::Brute, why)
-    } else if triangles <= WIDE_UP_TO && wishes.fewer_samples(MANY_SAMPLES) {
+    } else if triangles <= WIDE_UP_TO && wishes.fewer_samples(WIDE_BELOW_SAMPLES) {
         (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if triangles >= WIDE_FROM
         && cost <= POSTPONED_FROM
@@ -255,7 +257,7 @@ fn choose_passes(
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
         Method::Brute if !on_cpu && takes_faces(wishes, geometry, adapter) => {
-            (Passes::Split, "all of a pixel's rays share what a face costs")
+            (Passes::Split, "many of a pixel's rays share what a face costs")
         }
         Method::Brute => (Passes::Single, "one kernel does all of a pixel"),
         _ if on_cpu => {
@@ -393,7 +395,8 @@ mod tests {
     fn timed_kernels_have_no_subgroup_operations_but_their_method_s() {
         for kernel in KERNELS {
             let votes =
-                ["/packet/", "/postponed/", "/bundle/"].iter().any(|method| kernel.name.contains(method));
+                ["/packet/", "/postponed/", "/bundle/"].iter().any(|method| kernel.name.contains(method))
+                    || kernel.nodes == NodeLayout::Faces;
             let counts = kernel.name.starts_with("work/");
             assert_eq!(
                 !kernel.subgroup.is_empty(),

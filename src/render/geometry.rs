@@ -42,7 +42,7 @@ pub struct Geometry {
     pub build_ms: f64,
     /// Whether two triangles share an edge, so that rays must not pass between them.
     pub shares_edges: bool,
-    /// Edges of all faces ([`pack::faces`]), counted where there are few triangles.
+    /// Edges of all faces ([`pack::pairs`]), counted where there are few triangles.
     pub face_edges: Option<u32>,
     /// Triangles left out because 32-bit floats see no area in them.
     pub without_area: usize,

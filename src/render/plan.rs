@@ -161,12 +161,13 @@ impl<'a> Plan<'a> {
             && !original
             && geometry.triangles.len() <= pack::MOST_FACES;
         let plan = Self { faces: reads_faces.then(|| pack::pairs(geometry.corners(&scene.mesh))), ..plan };
+        let plan = if plan.finds_edges() { plan.with_constant(layout::SPEC_SAMPLE_LANES, 1) } else { plan };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
     }
 
     /// For rays that start farther away than those of the plan's own render, lists of them: no coordinate of an origin
-    /// exceeds `reach`, device units. The watertight intersector and the method `entry` need to know.
+    /// exceeds `reach`, device units. The watertight intersector, the method `entry` and faces need to know.
     pub fn with_reach(mut self, reach: f64) -> Self {
         self.any_reach = self.any_reach.max(reach);
         if reach > self.reach {
@@ -213,7 +214,7 @@ impl<'a> Plan<'a> {
 
     /// Whether the edges of faces are found for many rays at a time.
     pub fn finds_edges(&self) -> bool {
-        self.faces.is_some()
+        self.faces.is_some() && self.frame.ambient_t_max == f32::MAX && self.settings.sampler != Sampler::Lcg
     }
 
     /// Invocations that share a pixel's samples.
@@ -359,7 +360,7 @@ fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
     let any_order = settings.passes == Passes::Split
         && settings.accumulator == Accumulator::Count
         && settings.sampler != Sampler::Lcg
-        && !matches!(settings.method, Method::Packet | Method::Bundle | Method::Brute)
+        && !matches!(settings.method, Method::Packet | Method::Bundle)
         && !settings.preset.is_original();
     if !any_order {
         return 1;
