@@ -144,6 +144,7 @@ void main() {
     finished_samples = 0u;
     sum = 0.0;
     overflowed = 0u;
+    ray_overflowed = false;
     lcg_state = 0u;
     sample_next = 0u;
     sample_end = 0u;
