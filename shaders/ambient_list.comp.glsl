@@ -99,6 +99,9 @@ void retire_any(uint id, bool occluded, bool finished) {
 }
 
 #ifdef SHARES_START
+// The first sample of the workgroup's block where no pixel lags.
+uint block_begin() { return range.sample_begin + gl_WorkGroupID.z * range.block; }
+
 bool has_sample(uint id) {
     return id >= sample_next && id < sample_end && (SAMPLE_LANES == 1u || (id - sample_next) % SAMPLE_LANES == 0u);
 }

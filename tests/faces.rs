@@ -168,7 +168,11 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
                     let plan = plan.with_constant(SPEC_SAMPLE_LANES, lanes);
                     let outcome = run(device, &plan);
                     let what = format!("scene {number}, {sampler:?}, {max_distance:?}, {lanes} lanes");
-                    assert_eq!((outcome.ambient_rays, outcome.overflowed), (exact.ambient_rays, 0), "{what}");
+                    assert_eq!(
+                        (outcome.ambient_rays, outcome.overflowed_rays),
+                        (exact.ambient_rays, 0),
+                        "{what}"
+                    );
                     assert!(outcome.accumulated == exact.accumulated, "{what}");
                 }
             }

@@ -197,17 +197,18 @@ bool test_faces(Beam beam, Face header, Bounds own) {
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
 #define RETIRE(i) if ((wants >> i & 1u) == 1u) retire_any(first_id + uint(i), (occluded >> i & 1u) == 1u, finished);
 
-// A subgroup takes the same samples at a time, from the first to the last that any of its invocations has left: what follows from a sample's
-// number alone is found once.
+// A subgroup takes the same samples at a time, from the first of its block on, which no invocation tells: what follows from a sample's number
+// alone is found once. Pixels that lag begin later.
 void run_together() {
     Face header = load_face(0u);
     Bounds own = own_bounds(0u, header.first);
     subgroupBarrier();
     Bounds starts = bounds_together(Bounds(edge_start, edge_start), any_left());
-    uint begin = subgroupMin(any_left() ? sample_next : 0xffffffffu);
+    uint begin = block_begin();
     uint end = subgroupMax(any_left() ? sample_end : 0u);
     uint samples = end > begin ? end - begin : 0u;
     for (uint done = 0u; done < samples; done += RAYS) {
+        if (!subgroupAny(sample_next - begin < done + RAYS)) continue;
         uint first_id = begin + done;
         uint wants = 0u;
         EACH_RAY(TAKE)
