@@ -41,7 +41,7 @@ uint overflowed;
 // A CPU device computes a ray beyond the last sample too: there a branch's body runs under a mask, skipped or not, and consecutive
 // calls without one share what depends on the pixel alone. So they do where several rays are made in a row; what
 // an invocation without work makes of the pixel that it has not is thrown away.
-#if defined(ACCESSOR_TEXEL) || defined(SHARES_START)
+#ifdef ACCESSOR_TEXEL
 #define COMPUTES_ALL true
 #else
 #define COMPUTES_ALL false

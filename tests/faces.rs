@@ -11,6 +11,7 @@ use cousu::pack;
 use cousu::render::auto::{self, Decision};
 use cousu::render::choices::{Accessor, Intersector, Method, Passes, Preset, Sampler, Wishes};
 use cousu::render::plan::Job;
+use cousu::render::rounds::Goal;
 use cousu::scene::Scene;
 use cousu::vk::Device;
 use glam::{DMat3, DQuat, DVec3};
@@ -184,11 +185,13 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
 #[test]
 fn pixels_that_differ_in_their_samples_get_theirs() {
     with_device(|device| {
-        let scene = bars(3);
+        let scene = odd_faces(3);
         let geometry = geometry(&scene, Preset::Auto);
         for sampler in [Sampler::Sobol, Sampler::Pcg] {
             let render = |method, passes| {
-                let mut job = Job { adaptive: true, ..job(&scene, (72, 45), 0..48) };
+                // An error that is reached in some rounds: from the second on pixels differ.
+                let goal = Goal::Rmse(0.004);
+                let mut job = Job { adaptive: true, goal, ..job(&scene, (72, 45), 0..1 << 12) };
                 job.camera = pinhole([1.3, 1.1, 1.2], [0.0; 3], [0.0, 1.0, 0.0], 80.0);
                 let decision = decision(device, &geometry, method, passes, sampler);
                 let mut plan = plan_decided(device, &scene, &geometry, job, &decision);
@@ -198,6 +201,7 @@ fn pixels_that_differ_in_their_samples_get_theirs() {
             };
             let exact = render(Method::Threaded, Passes::Single);
             let outcome = render(Method::Brute, Passes::Split);
+            assert!(outcome.rounds > 2, "{sampler:?}: {} rounds", outcome.rounds);
             assert!(outcome.accumulated == exact.accumulated, "{sampler:?}");
             assert_eq!((outcome.repeats, outcome.ambient_rays), (0, exact.ambient_rays), "{sampler:?}");
         }

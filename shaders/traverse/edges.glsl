@@ -26,8 +26,7 @@
 // 2 as bits.
 #define WITHIN 0x40000000
 
-// Whether faces are there for these choices: otherwise nothing stands where their number does.
-// (`lcg` steps a state from ray to ray.)
+// Whether faces are there for these choices: otherwise their number is 0. (`lcg` steps a state from ray to ray.)
 bool takes_faces() {
     return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && load_face(0u).first > 0u;
 }
@@ -104,8 +103,13 @@ vec3 edge_start;
 uint near_face;
 float near_sign;
 
+void begin_faces(vec3 start) {
+    edge_start = start;
+    near_face = NO_FACE;
+}
+
 #undef BEGIN_ANY
-#define BEGIN_ANY(works, start) edge_start = start; near_face = NO_FACE
+#define BEGIN_ANY(works, start) begin_faces(start)
 
 // Of a face, three or four edge functions of a direction; `base` is added to the products.
 struct Edges {
@@ -197,8 +201,8 @@ bool test_faces(Beam beam, Face header, Bounds own) {
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
 #define RETIRE(i) if ((wants >> i & 1u) == 1u) retire_any(first_id + uint(i), (occluded >> i & 1u) == 1u, finished);
 
-// A subgroup takes the same samples at a time, from the first of its block on, which no invocation tells: what follows from a sample's number
-// alone is found once. Pixels that lag begin later.
+// A subgroup takes the same samples at a time, from the first of its block on, so that what follows from a sample's number alone is the same
+// for all invocations and a compiler sees it. Pixels that lag begin later.
 void run_together() {
     Face header = load_face(0u);
     Bounds own = own_bounds(0u, header.first);

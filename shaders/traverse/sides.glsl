@@ -15,8 +15,6 @@ struct Side {
     vec3 v;
     vec3 w;
     float error;
-    // On which side of the plane the start lies.
-    bool below;
     // Too close to the plane to tell.
     bool near;
 };
@@ -26,13 +24,13 @@ Side side_from(vec3 start, Triangle triangle) {
     vec3 q = cross3(s, triangle.ab);
     // As meets_moller rounds it.
     float volume = dot3(triangle.ac, q);
+    // A CPU finds the largest integer in one operation, the largest float in three.
     float size = intBitsToFloat(max(max(floatBitsToInt(abs(s.x)), floatBitsToInt(abs(s.y))), floatBitsToInt(abs(s.z))));
     float product = triangle.ab_sum * triangle.ac_sum;
     Side side;
-    side.below = volume < 0.0;
     side.near = abs(volume) < EDGE_ERROR * size * product;
     side.error = EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product);
-    float sign = side.below ? -1.0 : 1.0;
+    float sign = volume < 0.0 ? -1.0 : 1.0;
     vec3 ac = triangle.ac * sign;
     side.u = cross(ac, s);
     side.v = q * sign;

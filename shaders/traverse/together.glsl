@@ -30,7 +30,7 @@ struct Boxes {
 // A CPU device fetches for each lane apart: each of eight lanes fetches a word, and registers are exchanged. (Subgroups of eight
 // lanes; the host refuses others.)
 #define FETCHED_QUAD(reference) uvec4 own_word = NODE_WORD(uint(reference) * QUAD_WORDS + gl_SubgroupInvocationID)
-#define FETCHED_TRIANGLE(index) uvec4 own_word = TRIANGLE_WORD(uint(index) + (uint(index) << 1) + min(gl_SubgroupInvocationID, 2u))
+#define FETCHED_TRIANGLE(index) uvec4 own_word = TRIANGLE_WORD(uint(index) * 3u + min(gl_SubgroupInvocationID, 2u))
 #define SHARED_NODE_WORD(i) subgroupShuffle(own_word, i)
 #define SHARED_TRIANGLE_WORD(i) subgroupShuffle(own_word, i)
 

@@ -47,7 +47,7 @@ const SPLIT_FROM_SAMPLES: u32 = 8;
 /// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
 /// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
 const WIDE_UP_TO: usize = 256;
-/// Samples of a camera ray from which it is not.
+/// Few samples are fewer than this.
 const WIDE_BELOW_SAMPLES: u32 = 16;
 /// From this many triangles on it is again, with its small nodes, if one kernel does all of a pixel (there, at 4
 /// samples, 1.2 to 1.28 times the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.75 to 0.9 times on the

@@ -4,6 +4,7 @@ mod adaptive;
 pub mod auto;
 mod band;
 pub mod builder;
+mod check;
 pub mod choices;
 pub mod clock;
 pub mod execute;

@@ -25,8 +25,6 @@ pub struct Side {
     pub v: Vec3,
     pub w: Vec3,
     pub error: f32,
-    /// On which side of the plane the start lies.
-    pub below: bool,
     /// Too close to the plane to tell.
     pub near: bool,
 }
@@ -38,15 +36,13 @@ pub fn side_from(start: Vec3, triangle: &Triangle) -> Side {
     let volume = dot3(ac, q);
     let size = max_abs(s);
     let product = triangle.ab_sum * triangle.ac_sum;
-    let below = volume < 0.0;
-    let sign = if below { -1.0 } else { 1.0 };
+    let sign = if volume < 0.0 { -1.0 } else { 1.0 };
     let (u, v) = (cross3(ac * sign, s), q * sign);
     Side {
         u,
         v,
         w: cross3(ac * sign, ab) - u - v,
         error: EDGE_ERROR * (size * (triangle.ab_sum + triangle.ac_sum) + product),
-        below,
         near: volume.abs() < EDGE_ERROR * size * product,
     }
 }
