@@ -201,6 +201,41 @@ bool test_faces(Beam beam, Face header, Bounds own) {
 #define CHOOSE(i) direction = place == i ? directions[i] : direction;
 #define RETIRE(i) if ((wants >> i & 1u) == 1u) retire_any(first_id + uint(i), (occluded >> i & 1u) == 1u, finished);
 
+// The exact test for the rays that are not sure, by their places: a ray at a time, and each lane asks for other triangles. Returns who is
+// occluded.
+uint ask_together(uint unsure, inout bool finished) {
+    uint occluded = 0u;
+    int unasked = bitCount(unsure);
+    subgroupBarrier();
+    uvec4 asking = subgroupBallot(unsure != 0u);
+    while (asking != uvec4(0u)) {
+        int place = findLSB(unsure);
+        vec3 direction = vec3(0.0);
+        EACH_RAY(CHOOSE)
+        uint asker = subgroupBallotFindLSB(asking);
+        Ray ray = Ray(subgroupShuffle(edge_start, asker), subgroupShuffle(direction, asker), frame.ambient_t_max);
+        Slabs slabs = slabs_of(ray);
+        bool hit = false;
+        uint i = range.triangle_begin;
+        while (i < range.triangle_end) {
+            uint index = i + gl_SubgroupInvocationID;
+            if (index < range.triangle_end) hit = any_of_triangle(ray, slabs, int(index)) || hit;
+            i += gl_SubgroupSize;
+        }
+        hit = subgroupAny(hit);
+        finished = finished && (hit || i >= range.triangle_end);
+        if (gl_SubgroupInvocationID == asker) {
+            if (hit) occluded |= 1u << place;
+            unsure &= unsure - 1u;
+            unasked--;
+        }
+        subgroupBarrier();
+        asking = subgroupBallot(unsure != 0u);
+    }
+    finished = finished && unasked == 0;
+    return occluded;
+}
+
 // A subgroup takes the same samples at a time, from the first of its block on, so that what follows from a sample's number alone is the same
 // for all invocations and a compiler sees it. Pixels that lag begin later.
 void run_together() {
@@ -225,18 +260,7 @@ void run_together() {
         uint open = 0u;
         EACH_RAY(JUDGE)
         uint unsure = open & ~occluded & wants;
-        int unasked = bitCount(unsure);
-        while (unsure != 0u) {
-            int place = findLSB(unsure);
-            unsure &= unsure - 1u;
-            unasked--;
-            vec3 direction = vec3(0.0);
-            EACH_RAY(CHOOSE)
-            bool hit = false;
-            finished = any_hit(Ray(edge_start, direction, frame.ambient_t_max), hit) && finished;
-            occluded |= hit ? 1u << place : 0u;
-        }
-        finished = finished && unasked == 0;
+        occluded |= ask_together(unsure, finished);
         EACH_RAY(RETIRE)
         subgroupBarrier();
     }
