@@ -81,35 +81,6 @@ bool intersect(Ray ray, Slabs slabs, int index, float t_max, out uint id, out ve
     return meets_moller(ray, slabs.error, triangle, det, tuv) && guarded(ray, slabs, triangle, det, t_max, tuv);
 }
 
-// Whether the ray may meet the triangle: true wherever `intersect` is, and with `decides` nowhere else. Without it the own box
-// is left out, and products and sums may be fused.
-bool may_meet(Ray ray, int index, bool decides) {
-    if (WATERTIGHT || ORIGINAL || decides) {
-        uint id;
-        vec3 tuv;
-        return intersect(ray, slabs_of(ray), index, ray.t_max, id, tuv);
-    }
-    Triangle triangle = load_edges(index);
-    precise vec3 s = ray.origin - triangle.a;
-    vec3 p = cross(ray.direction, triangle.ac);
-    vec3 q = cross3(s, triangle.ab);
-    float det = dot(triangle.ab, p);
-    // As `meets_moller` rounds it: where t is next to nothing its sign decides.
-    uint side = floatBitsToUint(det) & 0x80000000u;
-    float t = uintBitsToFloat(floatBitsToUint(dot3(triangle.ac, q)) ^ side);
-    float u = uintBitsToFloat(floatBitsToUint(dot(s, p)) ^ side);
-    float v = uintBitsToFloat(floatBitsToUint(dot(ray.direction, q)) ^ side);
-    det = abs(det);
-    // Either form may be off by the error, the conservative intersector grants it once, and sums round.
-    float error = 4.0 * error_of(ray.direction);
-    float error_s = error * max_abs(s);
-    float error_u = error_s * triangle.ac_sum;
-    float error_v = error_s * triangle.ab_sum;
-    float error_det = error * triangle.ab_sum * triangle.ac_sum;
-    bool inside = u >= -error_u && v >= -error_v && u + v <= det + (error_u + error_v + error_det) && t > 0.0;
-    return inside || det <= error_det;
-}
-
 // Keeps the closer hit; of equal ones the smaller id, so that the order of visits does not matter
 // (the original kept the last).
 void closest_of_triangle(Ray ray, Slabs slabs, int index, inout Hit hit) {

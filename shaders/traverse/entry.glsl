@@ -4,12 +4,13 @@
 // left is a subtree, and together they are the tree. Each ray tests their boxes in shared memory, all lanes the same one
 // at the same time, and walks those that it meets, the nearest first.
 //
-// A triangle that a ray meets is a candidate, which is tested against its own box when the walk ends, where the lanes of
-// the subgroup are together again. Should it fail, a ray that grazes it, the ray walks again with that test at each triangle.
+// A walk ends at a triangle that the ray may meet by the rough test. Where that is not sure the exact one decides, when the lanes of the
+// subgroup are together again; should it fail, a ray that grazes the triangle, the ray walks again with that test at each.
 // Closest hits are found as by ordered.glsl, with these boxes.
 // Twin: src/reference/traverse/entry.rs.
 
 #include "near_first.glsl"
+#include "rough.glsl"
 
 #ifdef USES_ANY
 
@@ -128,45 +129,59 @@ int next_entry(inout uint waiting) {
     return entry_reference(entry);
 }
 
-// Walks until a triangle is a candidate, or all of the tree has been seen; with `decides` a candidate is a hit. Returns whether it came to
-// its end.
-bool find_candidate(Ray ray, GrownRay grown_ray, bool decides, out int candidate) {
+// How many lanes of the subgroup that go together say so. What it tells changes no answer, so lanes that have parted do no harm. A CPU device
+// takes all branches of its lanes anyway, and has no quick votes.
+#ifdef ACCESSOR_ADDRESS
+uint lanes_that(bool says_so) { return subgroupBallotBitCount(subgroupBallot(says_so)); }
+#else
+uint lanes_that(bool says_so) { return 0u; }
+#endif
+
+// Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Lanes that are at
+// a leaf wait as long as one of three goes on through the nodes. Returns whether it came to its end.
+bool find_triangle(Ray ray, GrownRay grown_ray, bool from_root, bool decides, out int found) {
     float t_max = box_limit(ray.t_max);
+    bool finished = true;
+    found = -1;
     uint waiting = 0u;
-    uint count = entry_count;
-    uint i = 0u;
-    for (; i < count; i++) {
-        if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
+    int reference = ROOT;
+    if (!from_root) {
+        uint count = entry_count;
+        uint i = 0u;
+        for (; i < count; i++) {
+            if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
+        }
+        finished = i == count;
+        reference = waiting != 0u ? next_entry(waiting) : NOTHING;
     }
-    bool finished = i == count;
-    candidate = -1;
     int top = 0;
-    bool more = waiting != 0u;
-    int reference = more ? next_entry(waiting) : NOTHING;
+    bool more = reference != NOTHING;
     while (more) {
-        bool descends = false;
-        if (reference >= 0) {
+        uint together = lanes_that(true);
+        bool descends = reference >= 0;
+        while (descends) {
             COUNT_VISIT();
             CentredNode node = load_centred(reference);
             bool left = meets_grown(grown_ray, node.left_center, node.left_half, t_max);
             bool right = meets_grown(grown_ray, node.right_center, node.right_half, t_max);
-            descends = left || right;
             if (left && right) stack[top++] = node.right;
             reference = left ? node.left : node.right;
-        } else {
+            if (!left && !right) {
+                more = top > 0 || waiting != 0u;
+                reference = !more ? NOTHING : top > 0 ? stack[--top] : next_entry(waiting);
+            }
+            descends = reference >= 0;
+            if (3u * lanes_that(descends) < together) descends = false;
+        }
+        if (more && reference < 0) {
             int index = leaf_first(reference);
             int last = leaf_last(reference);
-            for (; index <= last && candidate < 0; index++) {
-                COUNT_TEST();
-                if (may_meet(ray, index, decides)) candidate = index;
+            for (; index <= last && found < 0; index++) {
+                if (decides ? any_of_triangle(ray, slabs_of(ray), index) : may_meet(ray, index)) found = index;
             }
-            finished = finished && (candidate >= 0 || index > last);
-        }
-        more = descends || (candidate < 0 && (top > 0 || waiting != 0u));
-        if (!more) {
-            reference = NOTHING;
-        } else if (!descends) {
-            reference = top > 0 ? stack[--top] : next_entry(waiting);
+            finished = finished && (found >= 0 || index > last);
+            more = found < 0 && (top > 0 || waiting != 0u);
+            reference = !more ? NOTHING : top > 0 ? stack[--top] : next_entry(waiting);
         }
     }
     return finished && reference == NOTHING;
@@ -175,19 +190,20 @@ bool find_candidate(Ray ray, GrownRay grown_ray, bool decides, out int candidate
 bool any_hit(Ray ray, inout bool occluded) {
     if (occluded) return true;
     GrownRay grown_ray = grown_ray_of(ray);
-    // Of bounded rays many candidates lie too far, which the exact test alone tells.
-    bool decides = BOUNDED && ray.t_max < UNBOUNDED;
-    bool finished = true;
-    int candidate = -1;
-    if (!decides) {
-        finished = find_candidate(ray, grown_ray, false, candidate);
-        occluded = candidate >= 0 && any_of_triangle(ray, slabs_of(ray), candidate);
-        decides = candidate >= 0 && !occluded;
-    }
-    // A loop of its own: where the first one has the exact test too it takes an eighth longer on a GPU, though it is hardly ever asked.
-    if (decides) {
-        finished = find_candidate(ray, grown_ray, true, candidate);
-        occluded = candidate >= 0;
+    int found;
+    bool finished;
+    if (BOUNDED && ray.t_max < UNBOUNDED) {
+        // Many triangles lie too far, which the exact test alone tells.
+        finished = find_triangle(ray, grown_ray, false, true, found);
+        occluded = found >= 0;
+    } else {
+        finished = find_triangle(ray, grown_ray, false, false, found);
+        occluded = found >= 0 && does_meet(ray, found);
+        // Hardly ever; but within the first walk the exact test would take a GPU an eighth of its time.
+        if (found >= 0 && !occluded) {
+            finished = find_triangle(ray, grown_ray, true, true, found);
+            occluded = found >= 0;
+        }
     }
     return occluded || finished;
 }

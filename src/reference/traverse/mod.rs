@@ -12,6 +12,7 @@ pub mod ordered;
 pub mod packet;
 pub mod pair;
 pub mod postponed;
+pub mod rough;
 pub mod sides;
 pub mod single_push;
 pub mod stack;

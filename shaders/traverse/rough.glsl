@@ -1,0 +1,48 @@
+// What of a ray and a triangle is sure whatever rounding does, by products and sums that may be fused and without the triangle's own box:
+// far fewer operations than the exact test, which is asked of what is left. Of rays without an end.
+// Twin: src/reference/traverse/rough.rs, which derives what is left open.
+
+#define MISSES 0
+#define MAY_MEET 1
+#define MEETS 2
+
+// Four times `error_of`: either form may be off by the error, the conservative intersector grants it once, and sums round.
+#define ROUGH_ERROR 4.0
+
+int rough_verdict(Ray ray, Triangle triangle) {
+    precise vec3 s = ray.origin - triangle.a;
+    vec3 p = cross(ray.direction, triangle.ac);
+    vec3 q = cross3(s, triangle.ab);
+    float det = dot(triangle.ab, p);
+    // As `meets_moller` rounds it: where t is next to nothing its sign decides.
+    uint side = floatBitsToUint(det) & 0x80000000u;
+    float t = uintBitsToFloat(floatBitsToUint(dot3(triangle.ac, q)) ^ side);
+    float u = uintBitsToFloat(floatBitsToUint(dot(s, p)) ^ side);
+    float v = uintBitsToFloat(floatBitsToUint(dot(ray.direction, q)) ^ side);
+    det = abs(det);
+    float error = ROUGH_ERROR * error_of(ray.direction);
+    float error_s = error * max_abs(s);
+    float error_u = error_s * triangle.ac_sum;
+    float error_v = error_s * triangle.ab_sum;
+    float error_det = error * triangle.ab_sum * triangle.ac_sum;
+    float error_sum = error_u + error_v + error_det;
+    bool meets = u >= error_u && v >= error_v && u + v + error_sum <= det && t > error_u * triangle.ab_sum &&
+                 det > max(error_det, SMALLEST_DETERMINANT);
+    bool inside = u >= -error_u && v >= -error_v && u + v <= det + error_sum && t > 0.0;
+    return meets ? MEETS : inside || det <= error_det ? MAY_MEET : MISSES;
+}
+
+// These two take the exact test where the rough one does not hold.
+
+bool may_meet(Ray ray, int index) {
+    COUNT_TEST();
+    if (!WATERTIGHT && !ORIGINAL) return rough_verdict(ray, load_edges(index)) != MISSES;
+    uint id;
+    vec3 tuv;
+    return intersect(ray, slabs_of(ray), index, ray.t_max, id, tuv);
+}
+
+// Of a triangle that the ray may meet.
+bool does_meet(Ray ray, int index) {
+    return WATERTIGHT || ORIGINAL || rough_verdict(ray, load_edges(index)) == MEETS || any_of_triangle(ray, slabs_of(ray), index);
+}
