@@ -473,8 +473,8 @@ constants! {
     TILE_SIDE = 8;
     WORKGROUP_SIZE = 64;
 
-    /// Pixels of a workgroup of the list: whole tiles, and no more than every device can run.
-    LIST_SIZE = 128;
+    /// Pixels of a workgroup of the list: whole tiles.
+    LIST_SIZE = 256;
     /// Places of words that are written by their number.
     COUNTER_WORDS = 8;
     COUNTED_WORDS = 5;

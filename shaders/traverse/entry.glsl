@@ -10,6 +10,7 @@
 // Twin: src/reference/traverse/entry.rs.
 
 #include "near_first.glsl"
+#include "left_first.glsl"
 #include "rough.glsl"
 
 #ifdef USES_ANY
@@ -129,37 +130,29 @@ int next_entry(inout uint waiting) {
     return entry_reference(entry);
 }
 
-// How many lanes of the subgroup that go together say so. What it tells changes no answer, so lanes that have parted do no harm. A CPU device
-// takes all branches of its lanes anyway, and has no quick votes.
-#ifdef ACCESSOR_ADDRESS
-uint lanes_that(bool says_so) { return subgroupBallotBitCount(subgroupBallot(says_so)); }
-#else
-uint lanes_that(bool says_so) { return 0u; }
-#endif
+// Most nodes that a lane at a leaf waits for, while others of its subgroup are still at nodes: with fewer it tests triangles with few others, with
+// more it waits for those that have the longest way.
+#define NODES_IN_A_ROW 6u
 
-// Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Lanes that are at
-// a leaf wait as long as one of three goes on through the nodes. Returns whether it came to its end.
-bool find_triangle(Ray ray, GrownRay grown_ray, bool from_root, bool decides, out int found) {
+// Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Returns whether
+// it came to its end.
+bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {
     float t_max = box_limit(ray.t_max);
-    bool finished = true;
     found = -1;
     uint waiting = 0u;
-    int reference = ROOT;
-    if (!from_root) {
-        uint count = entry_count;
-        uint i = 0u;
-        for (; i < count; i++) {
-            if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
-        }
-        finished = i == count;
-        reference = waiting != 0u ? next_entry(waiting) : NOTHING;
+    uint count = entry_count;
+    uint i = 0u;
+    for (; i < count; i++) {
+        if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
     }
+    bool finished = i == count;
     int top = 0;
-    bool more = reference != NOTHING;
+    bool more = waiting != 0u;
+    int reference = more ? next_entry(waiting) : NOTHING;
     while (more) {
-        uint together = lanes_that(true);
-        bool descends = reference >= 0;
-        while (descends) {
+        uint steps = 0u;
+        bool walks = reference >= 0;
+        while (walks) {
             COUNT_VISIT();
             CentredNode node = load_centred(reference);
             bool left = meets_grown(grown_ray, node.left_center, node.left_half, t_max);
@@ -170,8 +163,8 @@ bool find_triangle(Ray ray, GrownRay grown_ray, bool from_root, bool decides, ou
                 more = top > 0 || waiting != 0u;
                 reference = !more ? NOTHING : top > 0 ? stack[--top] : next_entry(waiting);
             }
-            descends = reference >= 0;
-            if (3u * lanes_that(descends) < together) descends = false;
+            steps++;
+            walks = reference >= 0 && steps < NODES_IN_A_ROW;
         }
         if (more && reference < 0) {
             int index = leaf_first(reference);
@@ -189,22 +182,13 @@ bool find_triangle(Ray ray, GrownRay grown_ray, bool from_root, bool decides, ou
 
 bool any_hit(Ray ray, inout bool occluded) {
     if (occluded) return true;
-    GrownRay grown_ray = grown_ray_of(ray);
+    // Of bounded rays many triangles lie too far, which the exact test alone tells.
+    bool decides = BOUNDED && ray.t_max < UNBOUNDED;
     int found;
-    bool finished;
-    if (BOUNDED && ray.t_max < UNBOUNDED) {
-        // Many triangles lie too far, which the exact test alone tells.
-        finished = find_triangle(ray, grown_ray, false, true, found);
-        occluded = found >= 0;
-    } else {
-        finished = find_triangle(ray, grown_ray, false, false, found);
-        occluded = found >= 0 && does_meet(ray, found);
-        // Hardly ever; but within the first walk the exact test would take a GPU an eighth of its time.
-        if (found >= 0 && !occluded) {
-            finished = find_triangle(ray, grown_ray, true, true, found);
-            occluded = found >= 0;
-        }
-    }
+    bool finished = find_triangle(ray, grown_ray_of(ray), decides, found);
+    occluded = found >= 0 && (decides || does_meet(ray, found));
+    // Hardly ever. In the walk itself the exact test would take a GPU an eighth of its time.
+    if (found >= 0 && !occluded) finished = any_hit_left_first(ray, occluded);
     return occluded || finished;
 }
 

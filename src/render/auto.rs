@@ -273,20 +273,20 @@ fn choose_passes(
     }
 }
 
+/// The feature of a device whose kernels may read by address.
+const ADDRESSES: (&str, bool) = ("buffer device address", true);
+
 /// Mesa's software device reads texel buffers three times faster than storage buffers: the fetch is
 /// inlined, a storage buffer's load under control flow is a loop over lanes. An H100 has 1.03 to 1.08 times the rate
 /// of storage buffers if it reads them by their device addresses. The original had storage buffers.
 fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) -> (Accessor, &'static str) {
-    // Of those by address `entry` lets its lanes vote.
-    let by_address =
-        find_kernel("ambient_list/entry/address").and_then(|kernel| check_subgroup(kernel, adapter));
     let words = geometry.tree.nodes.len().max(geometry.triangles.len() * 3 / 2) as u64 * 2;
     if settings.preset.is_original() {
         (Accessor::StorageBuffer, "as the original")
-    } else if adapter.kind != DeviceKind::Cpu && by_address.is_ok() {
+    } else if adapter.kind != DeviceKind::Cpu && adapter.features.contains(&ADDRESSES) {
         (Accessor::Address, "a GPU reads fastest by device addresses")
     } else if adapter.kind != DeviceKind::Cpu {
-        (Accessor::StorageBuffer, "a GPU without device addresses or ballots reads storage buffers")
+        (Accessor::StorageBuffer, "a GPU without device addresses reads storage buffers")
     } else if words > adapter.limits.texel_elements {
         (Accessor::StorageBuffer, "the scene has more words than a texel buffer")
     } else {
@@ -318,7 +318,7 @@ pub fn check_subgroup(kernel: &Kernel, adapter: &Adapter) -> Result<()> {
             adapter.name
         )));
     }
-    check_addresses(kernel, &adapter.name, adapter.features.contains(&("buffer device address", true)))?;
+    check_addresses(kernel, &adapter.name, adapter.features.contains(&ADDRESSES))?;
     check_operations(kernel, &adapter.name, adapter.subgroup.size, &adapter.subgroup.operations())
 }
 
@@ -396,8 +396,7 @@ mod tests {
         for kernel in KERNELS {
             let votes =
                 ["/packet/", "/postponed/", "/bundle/"].iter().any(|method| kernel.name.contains(method))
-                    || kernel.nodes == NodeLayout::Faces
-                    || kernel.by_address && kernel.nodes == NodeLayout::Centred;
+                    || kernel.nodes == NodeLayout::Faces;
             let counts = kernel.name.starts_with("work/");
             assert_eq!(
                 !kernel.subgroup.is_empty(),

@@ -12,7 +12,10 @@ use crate::layout::{
 };
 use crate::vk::{
     Access, Batch, Binding, BoundKernel, Buffer, BufferUse, Device, DeviceKind, Hazard, Pipeline,
+    WORKGROUP_INVOCATIONS,
 };
+
+const _: () = assert!(layout::LIST_SIZE <= WORKGROUP_INVOCATIONS);
 
 /// Partial results that `split` keeps at a time, and rays that `staged` does.
 const ROOM: u64 = 1 << 21;

@@ -297,6 +297,8 @@ fn limits_of(limits: &vk::PhysicalDeviceLimits, driver: vk::DriverId) -> Limits 
 
 /// Storage buffers that the kernels bind at most.
 const STORAGE_BUFFERS: u32 = 8;
+/// Invocations of the kernels' largest workgroups.
+pub const WORKGROUP_INVOCATIONS: u32 = 256;
 
 fn unusable(has_12: bool, family: Option<u32>, limits: &vk::PhysicalDeviceLimits) -> Option<String> {
     if !has_12 {
@@ -304,6 +306,10 @@ fn unusable(has_12: bool, family: Option<u32>, limits: &vk::PhysicalDeviceLimits
     }
     if family.is_none() {
         return Some("it has no compute queue".into());
+    }
+    let invocations = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+    if invocations < WORKGROUP_INVOCATIONS {
+        return Some(format!("its workgroups have fewer than {WORKGROUP_INVOCATIONS} invocations"));
     }
     if limits.max_per_stage_descriptor_storage_buffers < STORAGE_BUFFERS {
         return Some(format!("its shaders take fewer than {STORAGE_BUFFERS} storage buffers"));

@@ -17,7 +17,7 @@ mod statistics;
 mod timing;
 mod upload;
 
-pub use adapter::{Adapter, DeviceKind, Limits, Subgroup};
+pub use adapter::{Adapter, DeviceKind, Limits, Subgroup, WORKGROUP_INVOCATIONS};
 pub use barrier::{Access, Hazard};
 pub use batch::Batch;
 pub use buffer::{Buffer, BufferUse};
