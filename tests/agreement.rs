@@ -294,7 +294,7 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("terrain", few_split, Method::Entry, Passes::Split),
             ("terrain", Wishes::default(), Method::Entry, Passes::Split),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
-            ("cornell", few, Method::Wide, Passes::Single),
+            ("cornell", few, Method::Entry, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),
             ("cornell", moller, Method::Entry, Passes::Split),
             ("cornell", lcg, Method::Entry, Passes::Split),

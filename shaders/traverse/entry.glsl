@@ -132,7 +132,7 @@ int next_entry(inout uint waiting) {
 
 // Most nodes that a lane at a leaf waits for, while others of its subgroup are still at nodes: with fewer it tests triangles with few others, with
 // more it waits for those that have the longest way.
-#define NODES_IN_A_ROW 6u
+#define NODES_IN_A_ROW 8u
 
 // Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Returns whether
 // it came to its end.

@@ -44,14 +44,9 @@ const MANY_SAMPLES: u32 = 8;
 /// Samples of a camera ray from which a second kernel pays on a GPU (there, `split` has 0.7 to 0.95 times the rate of `single` at 4, 0.9 to 1.1
 /// times at 8, 1.0 to 1.2 times at 12).
 const SPLIT_FROM_SAMPLES: u32 = 8;
-/// Up to this many triangles `wide`, with next to no tree, is the fastest on a GPU for few samples (measured on an H100 with Cornell's 32: at 4
-/// samples 1.05 times the rate of `entry`, at 64 0.94 times; at 4 samples 0.77 times with maison's 5,456).
-const WIDE_UP_TO: usize = 256;
-/// Few samples are fewer than this.
-const WIDE_BELOW_SAMPLES: u32 = 16;
-/// From this many triangles on it is again, with its small nodes, if one kernel does all of a pixel (there, at 4
-/// samples, 1.2 to 1.28 times the rate of `entry` on a terrain of 2 million triangles, 1.3 times with 1 million, 0.75 to 0.9 times on the
-/// arcade of 260,000).
+/// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
+/// (measured on an H100 at 4 samples: 1.16 times the rate of `entry` on a terrain of 2 million triangles, 0.71 times on the arcade of 260,000,
+/// 0.81 times with Cornell's 32).
 const WIDE_FROM: usize = 500_000;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
@@ -60,8 +55,8 @@ const WIDE_FROM: usize = 500_000;
 const BUNDLE_UP_TO_COST: f64 = 100.0;
 const BUNDLE_UP_TO: usize = 1_000_000;
 
-/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 2 times the
-/// rate of `entry` on the hairball, 0.8 to 1.1 on maison, bunny, arcade and terrain).
+/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 1.2 times the
+/// rate of `entry` on the hairball, 0.6 to 0.8 on maison, bunny and terrain).
 const POSTPONED_FROM: f64 = 100.0;
 
 /// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
@@ -195,8 +190,6 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
             "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for many of a pixel's rays"
         );
         (Method::Brute, why)
-    } else if triangles <= WIDE_UP_TO && wishes.fewer_samples(WIDE_BELOW_SAMPLES) {
-        (Method::Wide, format!("{triangles} triangles, at most {WIDE_UP_TO}: next to no tree"))
     } else if triangles >= WIDE_FROM
         && cost <= POSTPONED_FROM
         && wishes.fewer_samples(SPLIT_FROM_SAMPLES)
