@@ -26,9 +26,11 @@
 // 2 as bits.
 #define WITHIN 0x40000000
 
-// Whether faces are there for these choices: otherwise their number is 0. (`lcg` steps a state from ray to ray.)
+// Whether faces are there for these choices: otherwise their number is 0. (`lcg` steps a state from ray to ray.) Each lane asks for a face, so
+// all have to be there: a driver may run fewer than it tells of, or tell of more than a workgroup has.
 bool takes_faces() {
-    return CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && load_face(0u).first > 0u;
+    bool full = gl_NumSubgroups * gl_SubgroupSize == gl_WorkGroupSize.x;
+    return full && CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && load_face(0u).first > 0u;
 }
 
 int second_place(Face face) { return int(face.second & ~FACE_TURNED); }
@@ -216,14 +218,15 @@ uint ask_together(uint unsure, inout bool finished) {
         Ray ray = Ray(subgroupShuffle(edge_start, asker), subgroupShuffle(direction, asker), frame.ambient_t_max);
         Slabs slabs = slabs_of(ray);
         bool hit = false;
-        uint i = range.triangle_begin;
-        while (i < range.triangle_end) {
-            uint index = i + gl_SubgroupInvocationID;
+        uint asked = range.triangle_begin;
+        for (uint first = range.triangle_begin; first < range.triangle_end; first += gl_SubgroupSize) {
+            uint index = first + gl_SubgroupInvocationID;
             if (index < range.triangle_end) hit = any_of_triangle(ray, slabs, int(index)) || hit;
-            i += gl_SubgroupSize;
+            asked += min(gl_SubgroupSize, range.triangle_end - first);
         }
+        subgroupBarrier();
         hit = subgroupAny(hit);
-        finished = finished && (hit || i >= range.triangle_end);
+        finished = finished && (hit || asked == range.triangle_end);
         if (gl_SubgroupInvocationID == asker) {
             if (hit) occluded |= 1u << place;
             unsure &= unsure - 1u;

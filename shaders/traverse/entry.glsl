@@ -4,12 +4,13 @@
 // left is a subtree, and together they are the tree. Each ray tests their boxes in shared memory, all lanes the same one
 // at the same time, and walks those that it meets, the nearest first.
 //
-// A walk ends at a triangle that the ray may meet by the rough test. Where that is not sure the exact one decides, when the lanes of the
+// A walk ends at a triangle that the ray may meet by the test of rough.glsl. Where that is not sure the exact one decides, when the lanes of the
 // subgroup are together again; should it fail, a ray that grazes the triangle, the ray walks again with that test at each.
-// Closest hits are found as by ordered.glsl, with these boxes.
+// Closest hits are those of ordered.glsl.
 // Twin: src/reference/traverse/entry.rs.
 
 #include "near_first.glsl"
+#include "grown.glsl"
 #include "left_first.glsl"
 #include "rough.glsl"
 

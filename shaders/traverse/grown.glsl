@@ -17,26 +17,17 @@ GrownRay grown_ray_of(Ray ray) {
     return GrownRay(inverse, -ray.origin * inverse, width);
 }
 
-// Where the ray enters the box, 0 if it starts within, and where it leaves it, as bits. From the centre's crossing to either side is a
-// product of two sizes, so no side has to be told from the other: GPUs do products and sums at twice the rate of comparisons. Crossings are
-// compared as integers, of which a GPU takes the least or most of three at a time: from 0 on they have the floats' order, and of what lies
-// before 0 it counts only that it does. An exit at -0 would be lost; but boxes are grown, so that a ray which leaves a triangle's own box at
-// 0 or later leaves these above 0.
-ivec2 grown_crossings(GrownRay ray, vec3 center, vec3 extent) {
+// Whether the ray meets the box from 0 to t_max. From the centre's crossing to either side is a product of two sizes, so no side has to be
+// told from the other: GPUs do products and sums at twice the rate of comparisons. Crossings are compared as integers, of which a GPU takes
+// the least or most of three at a time: from 0 on they have the floats' order, and of what lies before 0 it counts only that
+// it does. An exit at -0 would be lost; but boxes are grown, so that a ray which leaves a triangle's own box at 0 or later leaves
+// these above 0.
+bool meets_grown(GrownRay ray, vec3 center, vec3 extent, float t_max) {
     vec3 middle = center * ray.inverse + ray.base;
     ivec3 near = floatBitsToInt(middle - extent * ray.width);
     ivec3 far = floatBitsToInt(middle + extent * ray.width);
-    return ivec2(max(max(max(near.x, near.y), near.z), 0), min(min(far.x, far.y), far.z));
-}
-
-// Whether the ray meets the box from 0 to t_max.
-bool meets_grown(GrownRay ray, vec3 center, vec3 extent, float t_max) {
-    ivec2 crossings = grown_crossings(ray, center, extent);
-    if (BOUNDED) crossings.y = min(crossings.y, floatBitsToInt(t_max));
-    return crossings.x <= crossings.y;
-}
-
-// The same crossings as floats.
-vec2 grown_interval(GrownRay ray, vec3 center, vec3 extent) {
-    return intBitsToFloat(grown_crossings(ray, center, extent));
+    int enter = max(max(max(near.x, near.y), near.z), 0);
+    int leave = min(min(far.x, far.y), far.z);
+    if (BOUNDED) leave = min(leave, floatBitsToInt(t_max));
+    return enter <= leave;
 }

@@ -1,11 +1,10 @@
 // Any hit with nodes that hold both children's boxes: the left child first, the larger one, since which one is nearer does not tell which one
-// occludes.
+// occludes. Twin: src/reference/traverse/children.rs.
 
 #ifdef USES_ANY
 
 bool any_hit_left_first(Ray ray, inout bool occluded) {
     Slabs slabs = slabs_of(ray);
-    BOX_RAY box_ray = BOX_RAY_OF(ray, slabs);
     int top = 0;
     int reference = ROOT;
     bool finished = true;
@@ -14,7 +13,7 @@ bool any_hit_left_first(Ray ray, inout bool occluded) {
         bool descends = false;
         if (reference >= 0) {
             COUNT_VISIT();
-            Children node = open_pair(box_ray, reference);
+            Children node = open_pair(slabs, reference);
             bvec2 meets = meets_pair(node.intervals, box_limit(ray.t_max));
             descends = meets.x || meets.y;
             if (meets.x && meets.y) stack[top++] = node.right;

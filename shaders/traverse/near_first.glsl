@@ -10,7 +10,6 @@ float stack_enter[STACK_ROOM];
 
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
-    BOX_RAY box_ray = BOX_RAY_OF(ray, slabs);
     int top = 0;
     int reference = ROOT;
     bool finished = true;
@@ -19,7 +18,7 @@ bool closest_hit(Ray ray, inout Hit hit) {
         bool descends = false;
         if (reference >= 0) {
             COUNT_VISIT();
-            Children node = open_pair(box_ray, reference);
+            Children node = open_pair(slabs, reference);
             vec4 intervals = node.intervals;
             bvec2 meets = meets_pair(intervals, box_limit(hit.t));
             bool right_first = meets.y && (!meets.x || intervals.z < intervals.x);

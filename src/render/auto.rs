@@ -333,10 +333,11 @@ const BUNDLE_LANES: u32 = 8;
 fn check_operations(kernel: &Kernel, device: &str, size: u32, operations: &[&str]) -> Result<()> {
     let lacking: Vec<&str> =
         kernel.subgroup.iter().filter(|needed| !operations.contains(needed)).copied().collect();
+    let shares_words = kernel.subgroup.contains(&"shuffle") && kernel.name.ends_with("/texel");
     let of_eight = kernel.nodes == NodeLayout::Quad && kernel.name.ends_with("/texel");
     let lack = match lacking.len() {
         0 if of_eight && size != BUNDLE_LANES => format!("subgroups of {BUNDLE_LANES} lanes"),
-        0 if kernel.subgroup.contains(&"shuffle") && size < FEWEST_LANES => {
+        0 if kernel.nodes == NodeLayout::Pair && shares_words && size < FEWEST_LANES => {
             format!("subgroups of at least {FEWEST_LANES} lanes")
         }
         0 => return Ok(()),

@@ -25,21 +25,31 @@ pub fn leaf_of(reference: i32) -> RangeInclusive<u32> {
     first..=first + (packed_leaf & (LEAF_LIMIT - 1))
 }
 
-/// Any hit, the left child first. `open`: the children of the node of this reference, and whether the ray meets each up to
-/// this distance.
-pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32, f32) -> [(i32, bool); 2]) -> bool {
-    let slabs = slabs_of(ray, inputs.choices.robust_slabs);
+/// The first triangle of which `meets` is true, the left child first. `open`: the children of the node of this reference, and whether the ray
+/// meets each up to this distance.
+pub fn first_met(
+    inputs: &Inputs,
+    ray: &Ray,
+    open: impl Fn(i32, f32) -> [(i32, bool); 2],
+    meets: impl Fn(u32) -> bool,
+) -> Option<u32> {
     let limit = box_limit(inputs, ray.t_max);
     let mut stack = vec![ROOT];
     while let Some(reference) = stack.pop() {
         if reference < 0 {
-            if leaf_of(reference).any(|index| any_of_triangle(inputs, ray, &slabs, index)) {
-                return true;
+            if let Some(index) = leaf_of(reference).find(|&index| meets(index)) {
+                return Some(index);
             }
             continue;
         }
         let [left, right] = open(reference, limit);
         stack.extend([right, left].into_iter().filter(|(_, met)| *met).map(|(child, _)| child));
     }
-    false
+    None
+}
+
+/// Any hit by the exact test, with what `open` opens. Twin of shaders/traverse/left_first.glsl.
+pub fn any_hit(inputs: &Inputs, ray: &Ray, open: impl Fn(i32, f32) -> [(i32, bool); 2]) -> bool {
+    let slabs = slabs_of(ray, inputs.choices.robust_slabs);
+    first_met(inputs, ray, open, |index| any_of_triangle(inputs, ray, &slabs, index)).is_some()
 }
