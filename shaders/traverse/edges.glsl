@@ -29,7 +29,7 @@
 // Whether faces are there for these choices: otherwise their number is 0. (`lcg` steps a state from ray to ray.) Each lane asks for a face, so
 // all have to be there: a driver may run fewer than it tells of, or tell of more than a workgroup has.
 bool takes_faces() {
-    bool full = gl_NumSubgroups * gl_SubgroupSize == gl_WorkGroupSize.x;
+    bool full = gl_NumSubgroups * gl_SubgroupSize == gl_WorkGroupSize.x * gl_WorkGroupSize.y;
     return full && CONSERVATIVE && ROBUST_SLABS && !ORIGINAL && SAMPLER != SAMPLER_LCG && load_face(0u).first > 0u;
 }
 
