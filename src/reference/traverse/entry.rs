@@ -28,10 +28,5 @@ pub fn any_hit(inputs: &Inputs, ray: &Ray) -> bool {
     else {
         return false;
     };
-    roughly(found) == Verdict::Meets
-        || exactly(found)
-        || children::any_hit(inputs, ray, |reference, limit| {
-            let sides = pair::children(&slabs, &grown::sides_of(inputs.load_grown(reference)));
-            sides.map(|(child, interval)| (child, children::meets(interval, limit)))
-        })
+    roughly(found) == Verdict::Meets || exactly(found) || children::any_hit(inputs, ray, open)
 }
