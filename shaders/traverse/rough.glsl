@@ -39,11 +39,9 @@ int rough_verdict(Ray ray, Triangle triangle) {
 // For the intersectors of which it tells nothing, these two are the exact test.
 
 bool may_meet(Ray ray, int index) {
+    if (WATERTIGHT || ORIGINAL) return any_of_triangle(ray, slabs_of(ray), index);
     COUNT_TEST();
-    if (!WATERTIGHT && !ORIGINAL) return rough_verdict(ray, load_edges(index)) != MISSES;
-    uint id;
-    vec3 tuv;
-    return intersect(ray, slabs_of(ray), index, ray.t_max, id, tuv);
+    return rough_verdict(ray, load_edges(index)) != MISSES;
 }
 
 // Of a triangle that the ray may meet.

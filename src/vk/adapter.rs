@@ -316,3 +316,23 @@ fn unusable(has_12: bool, family: Option<u32>, limits: &vk::PhysicalDeviceLimits
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_with_too_small_workgroups_is_refused() {
+        let with = |invocations, side| vk::PhysicalDeviceLimits {
+            max_compute_work_group_invocations: invocations,
+            max_compute_work_group_size: [side, 1024, 64],
+            max_per_stage_descriptor_storage_buffers: STORAGE_BUFFERS,
+            ..Default::default()
+        };
+        let refusal = |limits| unusable(true, Some(0), &limits);
+        assert_eq!(refusal(with(256, 256)), None);
+        for limits in [with(128, 1024), with(1024, 128)] {
+            assert_eq!(refusal(limits).as_deref(), Some("its workgroups have fewer than 256 invocations"));
+        }
+    }
+}
