@@ -25,6 +25,8 @@ pub enum NodeLayout {
     Pair,
     /// The same by their centres.
     Centred,
+    /// The same in less room: what kernels for `Centred` are given of large scenes.
+    Compact,
     /// Eight compressed children.
     Wide,
     /// Four children.

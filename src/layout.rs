@@ -143,6 +143,18 @@ records! {
         right_half: vec3,
         pad1: uint,
     }
+    /// The same in three quarters of the room: three halves share two words, 20 bits of x and 21 of y and z, so that each takes a shift
+    /// or two to read (see `packed_halves` of src/pack.rs).
+    CompactNode {
+        left_center: vec3,
+        left: int,
+        right_center: vec3,
+        right: int,
+        left_half_xz: uint,
+        left_half_yz: uint,
+        right_half_xz: uint,
+        right_half_yz: uint,
+    }
     /// Eight children with boxes of 8 bits a side. Along axis k of scale s = 2^(byte k of `scales` - 127) a side of
     /// slot i is origin + s q, where q is byte i mod 4 of the word of slots 0 to 3, or of 4 to 7. Byte 3 of `scales`
     /// has bit i set where slot i is filled, with a reference as in [`PairNode`].
@@ -451,6 +463,15 @@ constants! {
     SPEC_SAMPLE_LANES = 14;
     /// Ambient rays may have an end.
     SPEC_BOUNDED = 15;
+    /// Bits of the cells in whose order `sobol` takes each set of samples.
+    SPEC_CELLS = 16;
+    /// Nodes by their centres are compact ones.
+    SPEC_COMPACT = 17;
+
+    /// Bits of the cells of a set of 64 samples or more.
+    SOBOL_CELL_BITS = 5;
+    /// A value of `SPEC_CELLS`: sets are not all one net each, so each is looked at.
+    ANY_CELLS = 32;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

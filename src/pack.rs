@@ -18,7 +18,8 @@ use crate::bvh::wide::WideTree;
 use crate::bvh::{Aabb, Content, Tree};
 use crate::kernels::NodeLayout;
 use crate::layout::{
-    CentredNode, Face, LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48, Triangle, WideNode,
+    CentredNode, CompactNode, Face, LEAF_LIMIT, Node, PairNode, QuadNode, ThreadedNode, ThreadedNode48,
+    Triangle, WideNode,
 };
 
 /// By how much robust slabs grow every box on every side: 2^-21 of the largest coordinate, so that no
@@ -144,6 +145,7 @@ pub fn node_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed, pad: f
         NodeLayout::Threaded48 => bytemuck::cast_slice(&threaded_nodes48(tree, pad)).to_vec(),
         NodeLayout::Pair => bytemuck::cast_slice(&pair_nodes(tree, pad)).to_vec(),
         NodeLayout::Centred => bytemuck::cast_slice(&centred_nodes(tree, pad)).to_vec(),
+        NodeLayout::Compact => bytemuck::cast_slice(&compact_nodes(tree, pad)).to_vec(),
         NodeLayout::Wide => bytemuck::cast_slice(&wide_nodes(collapsed.wide(tree), tree, pad)).to_vec(),
         NodeLayout::Quad => bytemuck::cast_slice(&quad_nodes(collapsed.quad(tree), tree, pad)).to_vec(),
     }
@@ -160,6 +162,7 @@ pub fn node_array_bytes(layout: NodeLayout, tree: &Tree, collapsed: &Collapsed) 
         NodeLayout::Threaded48 => nodes * size_of::<ThreadedNode48>() as u64,
         NodeLayout::Pair => (nodes / 2).max(1) * size_of::<PairNode>() as u64,
         NodeLayout::Centred => (nodes / 2).max(1) * size_of::<CentredNode>() as u64,
+        NodeLayout::Compact => (nodes / 2).max(1) * size_of::<CompactNode>() as u64,
         NodeLayout::Wide => (collapsed.wide(tree).nodes.len() * size_of::<WideNode>()) as u64,
         NodeLayout::Quad => (collapsed.quad(tree).nodes.len() * size_of::<QuadNode>()) as u64,
     }
@@ -243,6 +246,26 @@ pub fn centred_nodes(tree: &Tree, pad: f32) -> Vec<CentredNode> {
     pair_nodes(tree, pad).iter().map(centred).collect()
 }
 
+/// The same in less room, hardly larger.
+pub fn compact_nodes(tree: &Tree, pad: f32) -> Vec<CompactNode> {
+    let compact = |node: &CentredNode| {
+        let CentredNode { left_center, left, right_center, right, .. } = *node;
+        let [left_half_xz, left_half_yz] = packed_halves(node.left_half);
+        let [right_half_xz, right_half_yz] = packed_halves(node.right_half);
+        CompactNode {
+            left_center,
+            left,
+            right_center,
+            right,
+            left_half_xz,
+            left_half_yz,
+            right_half_xz,
+            right_half_yz,
+        }
+    };
+    centred_nodes(tree, pad).iter().map(compact).collect()
+}
+
 /// A box's centre, and half its size as it is seen from there, rounded up.
 fn centred_box(pmin: [f32; 3], pmax: [f32; 3]) -> ([f32; 3], [f32; 3]) {
     let center = [0, 1, 2].map(|axis| pmin[axis] * 0.5 + pmax[axis] * 0.5);
@@ -253,6 +276,21 @@ fn centred_box(pmin: [f32; 3], pmax: [f32; 3]) -> ([f32; 3], [f32; 3]) {
         if f64::from(rounded) < exact { rounded.next_up() } else { rounded }
     });
     (center, half)
+}
+
+/// Three floats from 0 on in two words, none of them less than it was, nor larger by more than 2^-12 of it. A float's upper bits but its sign
+/// are kept: x's in bits 31 to 12 of the first word, z's in its bits 10 to 0 and in bits 31 to 22 of the second, y's in bits 20 to 0. The others
+/// are 0, signs in what is read. What stands below z and x when they are read makes them larger, so they are rounded with it.
+pub fn packed_halves(half: [f32; 3]) -> [u32; 2] {
+    let rounded = |half: f32, dropped: u32, below: u32| {
+        let kept = half.to_bits() >> dropped;
+        kept + u32::from(kept << dropped | below < half.to_bits())
+    };
+    let [x, y, z] = half;
+    let y = rounded(y, 10, 0);
+    let z = rounded(z, 10, y >> 12);
+    let x = rounded(x, 11, z >> 11);
+    [x << 12 | z >> 10, (z & 0x3ff) << 22 | y]
 }
 
 /// The inner nodes of a tree as the records with both children's boxes number them: the root first, each before its

@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use common::{INTERSECTORS, job, plan_decided, run, scene_named, with_device};
 use cousu::bvh::Builder;
 use cousu::kernels::NodeLayout;
+use cousu::layout::SPEC_COMPACT;
 use cousu::render::auto::{self, Decision};
 use cousu::render::choices::{Accessor, Accumulator, Intersector, Method, Passes, Preset, Sampler, Wishes};
 use cousu::render::geometry::Geometry;
@@ -240,6 +241,54 @@ fn kernels_by_address_count_the_same_rays() {
                 assert_eq!(by_buffer.ambient_rays, by_address.ambient_rays, "{method} {passes}");
                 assert_eq!((by_address.overflowed_rays, by_address.repeats), (0, 0), "{method} {passes}");
             }
+        }
+    });
+}
+
+/// Nodes in less room, by every accessor and intersector, against whole ones.
+#[test]
+fn compact_nodes_count_the_same_rays() {
+    with_device(|device| {
+        for (name, triangles) in common::SCENES {
+            let scene = scene_named(name, triangles);
+            let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
+            for (place, intersector) in INTERSECTORS.into_iter().enumerate() {
+                let wishes = Wishes {
+                    method: Some(Method::Entry),
+                    passes: Some(PASSES[place]),
+                    accessor: Some(ACCESSORS[place]),
+                    intersector: Some(intersector),
+                    ..Wishes::default()
+                };
+                let plan = common::plan(device, &scene, &geometry, job(&scene, SIZE, 0..16), wishes);
+                let [whole, compact] =
+                    [(0, NodeLayout::Centred), (1, NodeLayout::Compact)].map(|(compact, layout)| {
+                        let plan = plan.clone().with_constant(SPEC_COMPACT, compact);
+                        assert_eq!(plan.node_layout(), layout);
+                        run(device, &plan)
+                    });
+                let what = format!("{name}, {intersector}");
+                assert!(whole.accumulated == compact.accumulated, "{what}");
+                assert_eq!((compact.overflowed_rays, compact.repeats), (0, 0), "{what}");
+            }
+        }
+    });
+}
+
+/// They are taken where whole ones would not stay in a GPU's caches.
+#[test]
+fn large_scenes_have_compact_nodes() {
+    with_device(|device| {
+        let scene = scene_named("terrain", Some(50_000));
+        let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+        for (method, passes, expected) in [
+            (Method::Entry, Passes::Single, NodeLayout::Compact),
+            (Method::Entry, Passes::Split, NodeLayout::Centred),
+            (Method::Ordered, Passes::Single, NodeLayout::Pair),
+        ] {
+            let wishes = Wishes { method: Some(method), passes: Some(passes), ..Wishes::default() };
+            let plan = common::plan(device, &scene, &geometry, job(&scene, SIZE, 0..4), wishes);
+            assert_eq!(plan.node_layout(), expected, "{method} {passes}");
         }
     });
 }

@@ -53,7 +53,19 @@ Node load_node(int i) { LOAD_Node(NODE_WORD, uint(i)) }
 #elif defined(NODES_PAIR)
 PairNode load_pair(int i) { LOAD_PairNode(NODE_WORD, uint(i)) }
 #elif defined(NODES_CENTRED)
-CentredNode load_centred(int i) { LOAD_CentredNode(NODE_WORD, uint(i)) }
+CONSTANT(SPEC_COMPACT, bool, COMPACT, false);
+CompactNode load_compact(int i) { LOAD_CompactNode(NODE_WORD, uint(i)) }
+// What stands below a half's own bits was counted with when they were rounded.
+vec3 shared_halves(uint xz, uint yz) { return uintBitsToFloat(uvec3(xz >> 1, yz << 10, (xz << 20) | (yz >> 12))); }
+CentredNode centred(CompactNode node) {
+    return CentredNode(node.left_center, node.left, shared_halves(node.left_half_xz, node.left_half_yz), node.right,
+                       node.right_center, 0u, shared_halves(node.right_half_xz, node.right_half_yz), 0u);
+}
+CentredNode load_whole(int i) { LOAD_CentredNode(NODE_WORD, uint(i)) }
+CentredNode load_centred(int i) {
+    if (COMPACT) return centred(load_compact(i));
+    return load_whole(i);
+}
 #elif defined(NODES_FACES)
 Face load_face(uint i) { LOAD_Face(NODE_WORD, i) }
 #elif defined(NODES_WIDE)

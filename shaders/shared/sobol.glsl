@@ -32,10 +32,17 @@ uvec2 sobol_digits(uint index) { return uvec2(index, pascal_product(index)); }
 
 uvec2 sobol_bits(uvec2 digits, uvec2 seed) { return bitfieldReverse(owen_scramble(digits, seed)); }
 
-// The order of a half's points. Where the samples of a go are a whole net, they are taken cell by cell of a grid of 4 x 8 over
-// the unit square, which is the same for all pixels, so that neighbouring lanes' rays stay together. It is the same points
-// in the end, each pixel's own and independent of the others', and the same counts.
-#define SOBOL_CELL_BITS 5u
+// The order of a half's points. Those of a go are cut into nets, stretches of 2^bits points that begin at a multiple of that, and each is
+// taken cell by cell of a grid over the unit square, which is the same for all pixels, so that neighbouring lanes' rays stay together. It is
+// the same points in the end, each pixel's own and independent of the others', and the same counts. The grid has 4 x 8 cells, in smaller
+// nets one for each point.
+
+// The largest net within begin to end around this index: where its bits part from those of the end, which are beyond it, and from those of the
+// last index before it.
+uint net_bits(uint index, uint begin, uint end) {
+    int bits = findMSB(index ^ end);
+    return uint(begin == 0u ? bits : min(bits, findMSB(index ^ (begin - 1u))));
+}
 
 // The first digits that scrambling turns into those of the cell: each digit's turn depends on those above it.
 uvec2 unscrambled(uvec2 cell, uvec2 seed) {
@@ -47,15 +54,18 @@ uvec2 unscrambled(uvec2 cell, uvec2 seed) {
     return (digits ^ (digits << 1) ^ (digits << 2)) & 7u;
 }
 
-// The digits (index and second dimension) of point `place` in that order of 2^bits points from `first` on, which is a multiple of that. The cell's
+// The first bit of a cell's number halves the azimuth, the next one the height, and so on: what comes in a row lies together.
+uvec2 digits_of_cell(uint cell) {
+    return uvec2((cell >> 3 & 1u) | (cell & 2u), (cell >> 4) | (cell >> 1 & 2u) | (cell << 2 & 4u));
+}
+
+// The digits (index and second dimension) of point `place` in that order of the 2^bits points of a net. The cell's
 // digits of the first dimension are the index's lowest two bits. Those of the second are sums of index bits (the rows of Pascal's
 // triangle), which are solved for the next three bits. Being sums, they are those of the bits below 32 and of those
 // from there on, which are the same for all pixels.
 uvec2 sobol_digits_by_cell(uint first, uint place, uint bits, uvec2 seed) {
     uint inner = bits - SOBOL_CELL_BITS;
-    // The first bit of a cell's number halves the azimuth, the next one the height, and so on: what comes in a row lies together.
-    uint cell = place >> inner;
-    uvec2 wanted = unscrambled(uvec2((cell >> 3 & 1u) | (cell & 2u), (cell >> 4) | (cell >> 1 & 2u) | (cell << 2 & 4u)), seed);
+    uvec2 wanted = unscrambled(digits_of_cell(place >> inner), seed);
     uint high = first + ((place & ((1u << inner) - 1u)) << SOBOL_CELL_BITS);
     uint second = pascal_product(high);
     uint low = wanted.x & 3u;
@@ -64,6 +74,20 @@ uvec2 sobol_digits_by_cell(uint first, uint place, uint bits, uvec2 seed) {
     uint bit3 = (missing << 2) & 8u;
     uint bit4 = ((missing << 4) ^ (missing << 2)) & 16u;
     return uvec2(high | low | bit2 | bit3 | bit4, (second & ~7u) ^ wanted.y ^ bit3 ^ bit4);
+}
+
+// The same of a net of up to 16 points, a cell each, so that only the first `bits` of a cell's digits count: half of the index's lowest bits
+// are those of the first dimension, and the others are solved for.
+uvec2 sobol_digits_of_few(uint first, uint place, uint bits, uvec2 seed) {
+    uvec2 wanted = unscrambled(digits_of_cell(place << (SOBOL_CELL_BITS - bits)), seed);
+    uint low = wanted.x & ((1u << (bits >> 1)) - 1u);
+    uint index = first | low;
+    uint missing = pascal_product(index) ^ wanted.y;
+    if (bits == 1u) index |= missing & 1u;
+    if (bits == 2u) index |= missing << 1 & 2u;
+    if (bits == 3u) index |= (missing & 2u) | ((missing << 2 ^ missing << 1) & 4u);
+    if (bits == 4u) index |= (missing << 2 & 8u) | ((missing << 2 ^ missing << 1) & 4u);
+    return sobol_digits(index);
 }
 
 // A pixel has two sequences under seeds of their own, one for each half of its samples. A seed's low bits turn the first
@@ -78,16 +102,37 @@ uvec2 sobol_seed(uint pixel, uint sample_index) {
     return (sample_index & 1u) == 0u ? seeds.xy : seeds.zw;
 }
 
-// `seed`: that of the sample's half.
+// The same of any set of samples, which may be cut into nets of several sizes.
+uvec2 sobol_digits_in_set(uint sample_index, uvec2 set, uvec2 seed) {
+    uint index = sample_index >> 1;
+    uint late = 1u - (sample_index & 1u);
+    // The half's own begin and end: odd ones lie one index later in the earlier half.
+    uint bits = net_bits(index, (set.x >> 1) + (set.x & late), (set.y >> 1) + (set.y & late));
+    uint place = index & ((1u << bits) - 1u);
+    if (bits >= SOBOL_CELL_BITS) return sobol_digits_by_cell(index - place, place, bits, seed);
+    return sobol_digits_of_few(index - place, place, bits, seed);
+}
+
+// Bits of the cells of a set that the host knows to be one net, so that a kernel has no more text for them than it needs; or ANY_CELLS.
+CONSTANT(SPEC_CELLS, uint, CELLS, ANY_CELLS);
+
+// `seed`: that of the sample's half; `set`: the first sample of the go and the one behind its last.
 vec2 sobol_point(uvec2 seed, uint sample_index, uvec2 set) {
     uint index = sample_index >> 1;
-    uint samples = set.y - set.x;
-    bool whole_net = REPEAT == 0u && samples >= (2u << SOBOL_CELL_BITS) && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
     uvec2 digits;
-    if (whole_net) {
-        digits = sobol_digits_by_cell(set.x >> 1, index - (set.x >> 1), uint(findMSB(samples)) - 1u, seed);
+    if (REPEAT == 0u && CELLS == ANY_CELLS) {
+        digits = sobol_digits_in_set(sample_index, set, seed);
     } else {
-        digits = sobol_digits(index);
+        uint samples = set.y - set.x;
+        bool one_net = REPEAT == 0u && (samples & (samples - 1u)) == 0u && (set.x & (samples - 1u)) == 0u;
+        uint place = index - (set.x >> 1);
+        if (CELLS == SOBOL_CELL_BITS && one_net && samples >= 2u << CELLS) {
+            digits = sobol_digits_by_cell(set.x >> 1, place, uint(findMSB(samples)) - 1u, seed);
+        } else if (0u < CELLS && CELLS < SOBOL_CELL_BITS && one_net && samples == 2u << CELLS) {
+            digits = sobol_digits_of_few(set.x >> 1, place, CELLS, seed);
+        } else {
+            digits = sobol_digits(index);
+        }
     }
     return unit_floats(sobol_bits(digits, seed));
 }

@@ -6,7 +6,7 @@ use glam::Vec2;
 
 use super::Inputs;
 use super::rng::{pcg4d, unit_floats};
-use crate::layout::KEY_SOBOL;
+use crate::layout::{KEY_SOBOL, SOBOL_CELL_BITS};
 
 /// The index times Pascal's triangle modulo 2: the second dimension, its digits in reverse.
 pub fn pascal_product(mut index: u32) -> u32 {
@@ -33,8 +33,11 @@ pub fn sobol_bits(index: u32, seeds: [u32; 2]) -> [u32; 2] {
     ]
 }
 
-/// Bits of the grid of cells in whose order a whole net is taken.
-const CELL_BITS: u32 = 5;
+/// The largest net of 2^bits indices, from a multiple of that on, around this one in the set.
+fn net_bits(index: u32, set: &Range<u32>) -> u32 {
+    let bits = (index ^ set.end).ilog2();
+    if set.start == 0 { bits } else { bits.min((index ^ (set.start - 1)).ilog2()) }
+}
 
 /// The first digits that scrambling turns into those of the cell.
 fn unscrambled(cell: [u32; 2], seeds: [u32; 2]) -> [u32; 2] {
@@ -48,29 +51,39 @@ fn unscrambled(cell: [u32; 2], seeds: [u32; 2]) -> [u32; 2] {
     digits
 }
 
-/// The index of point `place` of 2^bits points from `first` on, cell by cell of a grid of 4 x 8.
+/// The index of point `place` of a net of 2^bits points from `first` on, cell by cell of a grid of 4 x 8, or of as many cells as
+/// points.
 pub fn sobol_index(first: u32, place: u32, bits: u32, seeds: [u32; 2]) -> u32 {
-    let inner = bits - CELL_BITS;
-    let cell = place >> inner;
+    let cell_bits = bits.min(SOBOL_CELL_BITS);
+    let inner = bits - cell_bits;
+    let cell = place >> inner << (SOBOL_CELL_BITS - cell_bits);
     let digits = [cell >> 3 & 1 | cell & 2, cell >> 4 | cell >> 1 & 2 | cell << 2 & 4];
     let wanted = unscrambled(digits, seeds);
-    let index = first + ((place & ((1 << inner) - 1)) << CELL_BITS) + (wanted[0] & 3);
+    let low = wanted[0] & ((1 << (cell_bits / 2)) - 1);
+    let index = first + ((place & ((1 << inner) - 1)) << cell_bits) + low;
     let missing = pascal_product(index) ^ wanted[1];
-    let bit3 = missing >> 1 & 1;
-    let bit2 = missing >> 2 & 1 ^ bit3;
-    let bit4 = missing & 1 ^ bit2 ^ bit3;
-    index + (bit2 << 2) + (bit3 << 3) + (bit4 << 4)
+    let digit = [missing & 1, missing >> 1 & 1, missing >> 2 & 1];
+    index
+        + match cell_bits {
+            0 => 0,
+            1 => digit[0],
+            2 => digit[0] << 1,
+            3 => digit[1] << 1 | (digit[0] ^ digit[1]) << 2,
+            4 => digit[1] << 3 | (digit[0] ^ digit[1]) << 2,
+            _ => digit[1] << 3 | (digit[2] ^ digit[1]) << 2 | (digit[0] ^ digit[2]) << 4,
+        }
 }
 
 /// A pixel has two sequences under seeds of their own, one for each half of its samples.
 pub fn sobol_numbers(inputs: &Inputs, pixel: u32, sample: u32, set: &Range<u32>) -> Vec2 {
     let [x, y, z, w] = pcg4d([pixel, 0, KEY_SOBOL, inputs.frame.seed]).map(|word| word.rotate_left(16));
     let seeds = if sample & 1 == 0 { [x, y] } else { [z, w] };
-    let (samples, first) = (set.end - set.start, set.start >> 1);
-    let mut index = sample >> 1;
-    if samples >= 2 << CELL_BITS && samples.is_power_of_two() && set.start & (samples - 1) == 0 {
-        index = sobol_index(first, index - first, samples.ilog2() - 1, seeds);
-    }
+    let late = 1 - (sample & 1);
+    let index = sample >> 1;
+    let in_half = |sample: u32| (sample >> 1) + (sample & late);
+    let bits = net_bits(index, &(in_half(set.start)..in_half(set.end)));
+    let place = index & ((1 << bits) - 1);
+    let index = sobol_index(index - place, place, bits, seeds);
     unit_floats(sobol_bits(index, seeds))
 }
 
@@ -178,7 +191,21 @@ mod tests {
     #[test]
     fn a_net_can_be_taken_cell_by_cell() {
         let mut random = Random::new(55);
-        for (first, bits) in [(0, 5), (32, 5), (0, 6), (3 << 9, 9), (1 << 20, 12)] {
+        let nets = [
+            (0, 0),
+            (7, 0),
+            (6, 1),
+            (12, 2),
+            (8, 3),
+            (48, 4),
+            (0, 5),
+            (32, 5),
+            (0, 6),
+            (3 << 9, 9),
+            (1 << 20, 12),
+        ];
+        for (first, bits) in nets {
+            let cell_bits = bits.min(SOBOL_CELL_BITS);
             for _ in 0..20 {
                 let seeds = [random.bits(), random.bits()];
                 let mut seen = vec![false; 1 << bits];
@@ -189,8 +216,27 @@ mod tests {
                     // From the first digits on, one of y and one of x in turn.
                     let digit = |word: u32, number: u32| word >> (31 - number) & 1;
                     let cell = [digit(y, 0), digit(x, 0), digit(y, 1), digit(x, 1), digit(y, 2)];
-                    let cell = cell.into_iter().fold(0, |cell, digit| cell << 1 | digit);
-                    assert_eq!(cell, place >> (bits - CELL_BITS), "{first} {bits} {place}");
+                    let cell = cell[..cell_bits as usize].iter().fold(0, |cell, digit| cell << 1 | digit);
+                    assert_eq!(cell, place >> (bits - cell_bits), "{first} {bits} {place}");
+                }
+            }
+        }
+    }
+
+    /// The nets of a set are its own, follow on one another and could not be larger.
+    #[test]
+    fn a_set_is_cut_into_its_largest_nets() {
+        for begin in 0..70 {
+            for end in begin + 1..140 {
+                let mut index = begin;
+                while index < end {
+                    let bits = net_bits(index, &(begin..end));
+                    let size = 1 << bits;
+                    assert_eq!(index % size, 0, "{begin} to {end}");
+                    assert!(index + size <= end, "{begin} to {end}");
+                    assert!(index % (2 * size) != 0 || index + 2 * size > end, "{begin} to {end}: {index}");
+                    assert!((index..index + size).all(|other| net_bits(other, &(begin..end)) == bits));
+                    index += size;
                 }
             }
         }

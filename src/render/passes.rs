@@ -4,7 +4,7 @@
 use std::cell::Cell;
 
 use super::choices::{Accumulator, Passes};
-use super::plan::{Plan, SAMPLES_A_LANE};
+use super::plan::Plan;
 use crate::error::Result;
 use crate::layout::{
     self, HitRecord, ListArguments, Listed, Partial, Range, RayRecord, STAGE_ANY, STAGE_BOTH, STAGE_CLOSEST,
@@ -21,6 +21,8 @@ const _: () = assert!(layout::LIST_SIZE <= WORKGROUP_INVOCATIONS);
 const ROOM: u64 = 1 << 21;
 /// Samples that an invocation of `split` takes: on a GPU few, so that many are under way and none lasts long.
 const GPU_BLOCK: u32 = 4;
+/// Samples that invocations share: enough that rays which go together are many, few enough that no lane has many.
+const SHARED_BLOCK: u32 = 64;
 /// The same where an invocation tests faces for many rays at a time.
 const FACES_BLOCK: u32 = 64;
 /// Offset of the second sizes in [`ListArguments`].
@@ -33,7 +35,7 @@ pub const MOST_DISPATCHES: usize = 6;
 fn least_block(plan: &Plan<'_>, device: DeviceKind) -> u32 {
     match (device, plan.settings.accumulator) {
         (DeviceKind::Cpu, _) => 1024,
-        (_, Accumulator::Count) if plan.sample_lanes() > 1 => plan.sample_lanes() * SAMPLES_A_LANE,
+        (_, Accumulator::Count) if plan.sample_lanes() > 1 => SHARED_BLOCK,
         (_, Accumulator::Count) if plan.finds_edges() => FACES_BLOCK,
         (_, Accumulator::Count) => GPU_BLOCK,
         _ => 1,

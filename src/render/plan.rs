@@ -141,6 +141,8 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_MARKS_MISSES, 1),
                 (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
+                (layout::SPEC_CELLS, sobol_cells(&job, &settings)),
+                (layout::SPEC_COMPACT, u32::from(takes_compact_nodes(&settings, geometry))),
                 (layout::SPEC_BOUNDED, u32::from(frame.ambient_t_max < f32::MAX)),
             ],
             job,
@@ -158,6 +160,12 @@ impl<'a> Plan<'a> {
             && geometry.triangles.len() <= pack::MOST_FACES;
         let plan = Self { faces: reads_faces.then(|| pack::pairs(geometry.corners(&scene.mesh))), ..plan };
         let plan = if plan.finds_edges() { plan.with_constant(layout::SPEC_SAMPLE_LANES, 1) } else { plan };
+        // Eight rays made in a row leave a kernel no room to look at each set: most samples of rounds are in nets of 64 or more.
+        let plan = if plan.finds_edges() && goes_in_rounds(&plan.job) {
+            plan.with_constant(layout::SPEC_CELLS, layout::SOBOL_CELL_BITS)
+        } else {
+            plan
+        };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
     }
@@ -297,8 +305,13 @@ impl<'a> Plan<'a> {
 
     /// How the kernels that traverse want the tree.
     pub fn node_layout(&self) -> NodeLayout {
-        let layouts = self.kernels.iter().map(|kernel| kernel.nodes);
-        layouts.into_iter().find(|layout| *layout != NodeLayout::None).unwrap_or(NodeLayout::None)
+        let mut layouts = self.kernels.iter().map(|kernel| kernel.nodes);
+        match layouts.find(|layout| *layout != NodeLayout::None) {
+            Some(NodeLayout::Centred) if self.constants.contains(&(layout::SPEC_COMPACT, 1)) => {
+                NodeLayout::Compact
+            }
+            layout => layout.unwrap_or(NodeLayout::None),
+        }
     }
 
     /// Whether its kernels write what each pixel's rays cost.
@@ -347,10 +360,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Samples that are left to each of the invocations that share a pixel's, at least.
-pub const SAMPLES_A_LANE: u32 = 8;
-
-/// Invocations that share a pixel's samples: a power of two. Sums of floats and states that step need one, and `packet` lost
+/// Invocations that share a pixel's samples: the power of two next below the root of their number, so that either has a part in keeping rays
+/// together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
+/// scenes at 16 and on three at 32, 8 at 64). Sums of floats and states that step need one, and `packet` lost
 /// rays on an H100 with more (docs/measurements.md).
 fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
     let any_order = settings.passes == Passes::Split
@@ -361,8 +373,38 @@ fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
     if !any_order {
         return 1;
     }
-    let enough = (job.samples.len() as u32 / SAMPLES_A_LANE).max(1);
-    decision.sample_lanes.min(1 << enough.ilog2())
+    let samples = (job.samples.len() as u32).max(1);
+    decision.sample_lanes.min(1 << (samples.ilog2() / 2))
+}
+
+/// From so many bytes of nodes on `entry` reads compact ones: they save caches, but take a few operations more to read (measured on an H100 at 64
+/// samples: 1.09 times the rate on a terrain of two million triangles, 1.08 on the hairball of 770,000; 0.97 on the arcade of
+/// 260,000, 1.02 on a mesh of 70,000).
+const COMPACT_FROM: u64 = 24 << 20;
+/// The same where one kernel does all of a pixel, whose rays part sooner (there, at 4 samples: 1.14 times the rate with 70,000 triangles, 1.13 with
+/// 260,000, 0.96 with 5,456).
+const COMPACT_FROM_IN_ONE: u64 = 2 << 20;
+
+fn takes_compact_nodes(settings: &Settings, geometry: &Geometry) -> bool {
+    let least = if settings.passes == Passes::Single { COMPACT_FROM_IN_ONE } else { COMPACT_FROM };
+    settings.method == Method::Entry
+        && pack::node_array_bytes(NodeLayout::Centred, &geometry.tree, geometry.collapsed()) >= least
+}
+
+/// Bits of the cells in whose order the job's samples are taken, where all of them are one go and one net.
+fn sobol_cells(job: &Job, settings: &Settings) -> u32 {
+    let samples = job.samples.len() as u32;
+    let one_go = !goes_in_rounds(job) && settings.accumulator == Accumulator::Count;
+    if one_go && samples.is_power_of_two() && job.samples.start.is_multiple_of(samples) {
+        samples.ilog2().saturating_sub(1).min(layout::SOBOL_CELL_BITS)
+    } else {
+        layout::ANY_CELLS
+    }
+}
+
+/// Whether samples come in sets of many sizes.
+fn goes_in_rounds(job: &Job) -> bool {
+    job.adaptive || job.goal != Goal::Samples
 }
 
 /// As the kernels know it.

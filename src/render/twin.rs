@@ -2,8 +2,10 @@
 
 use super::choices::{Intersector, Method, Offset, Preset, Slabs};
 use super::plan::{Plan, sampler_code};
-use crate::pack::NodeArrays;
+use crate::kernels::NodeLayout;
+use crate::pack::{NodeArrays, compact_nodes};
 use crate::reference::exact::{Rules, Shapes, Truth};
+use crate::reference::traverse::grown::centred;
 use crate::reference::{Choices, Inputs, Traversal};
 
 /// Packed arrays of a plan for the twin.
@@ -23,7 +25,12 @@ pub fn truth<'a>(plan: &'a Plan<'_>) -> Truth<'a> {
 
 impl Twin {
     pub fn new(plan: &Plan<'_>) -> Self {
-        Self { tree: NodeArrays::new(&plan.geometry.tree, plan.node_pad(), plan.node_pad()) }
+        let (tree, pad) = (&plan.geometry.tree, plan.node_pad());
+        let mut arrays = NodeArrays::new(tree, pad, pad);
+        if plan.node_layout() == NodeLayout::Compact {
+            arrays.grown = compact_nodes(tree, pad).iter().map(centred).collect();
+        }
+        Self { tree: arrays }
     }
 
     pub fn inputs<'a>(&'a self, plan: &'a Plan<'_>) -> Inputs<'a> {

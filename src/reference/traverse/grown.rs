@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::layout::{CentredNode, PairNode};
+use crate::layout::{CentredNode, CompactNode, PairNode};
 use crate::reference::ray::Ray;
 use crate::reference::slabs::at_least_smallest;
 
@@ -35,6 +35,26 @@ fn meets_grown([near, far]: [[f32; 3]; 2], t_max: Option<f32>) -> bool {
     let bits = |x: f32| x.to_bits() as i32;
     let enter = near.map(bits).into_iter().fold(0, i32::max);
     enter <= far.map(bits).into_iter().fold(t_max.map_or(i32::MAX, bits), i32::min)
+}
+
+/// Half the sizes of a compact node's box, from the two words that they share.
+fn shared_halves(xz: u32, yz: u32) -> [f32; 3] {
+    [xz >> 1, yz << 10, xz << 20 | yz >> 12].map(f32::from_bits)
+}
+
+/// A compact node with the halves that are read from it.
+pub fn centred(node: &CompactNode) -> CentredNode {
+    let CompactNode { left_center, left, right_center, right, .. } = *node;
+    CentredNode {
+        left_center,
+        left,
+        left_half: shared_halves(node.left_half_xz, node.left_half_yz),
+        right,
+        right_center,
+        pad0: 0,
+        right_half: shared_halves(node.right_half_xz, node.right_half_yz),
+        pad1: 0,
+    }
 }
 
 /// A node's children, and whether the ray meets them up to this distance.
@@ -71,7 +91,7 @@ pub fn sides_of(node: &CentredNode) -> PairNode {
 mod tests {
     use super::*;
     use crate::bvh::Builder;
-    use crate::pack::{box_pad, centred_nodes, grown_pad};
+    use crate::pack::{box_pad, centred_nodes, compact_nodes, grown_pad, packed_halves};
     use crate::reference::intersect::padded_box_of;
     use crate::reference::slabs::{slab_interval, slabs_of};
     use crate::reference::testing::{KINDS, REACH, Random, aimed_ray, triangles_of};
@@ -90,11 +110,35 @@ mod tests {
             let largest = pad * 2f32.powi(21);
             for distance in [0.0, 1.0, 30.0, 1e4] {
                 let reach = REACH + f64::from(largest * distance);
-                let nodes = centred_nodes(&tree, grown_pad(pad, largest, reach));
-                met += check_nodes(&nodes, &packed, pad, largest * distance, 80);
+                let pad_of_nodes = grown_pad(pad, largest, reach);
+                let compact = compact_nodes(&tree, pad_of_nodes).iter().map(centred).collect();
+                for nodes in [centred_nodes(&tree, pad_of_nodes), compact] {
+                    met += check_nodes(&nodes, &packed, pad, largest * distance, 80);
+                }
             }
         }
         assert!(met > 10_000, "{met} boxes were met");
+    }
+
+    /// Halves that share two words are no smaller than they were, and hardly larger.
+    #[test]
+    fn compact_halves_are_rounded_up() {
+        let mut random = Random::new(72);
+        let mut any = || match random.below(8) {
+            0 => 0.0,
+            1 => f32::from_bits(random.bits() & 0x007f_ffff),
+            2 => 2f32.powi(random.below(200) as i32 - 100),
+            // Any float up to 2^127.
+            _ => f32::from_bits(random.bits() % 0x7f00_0000),
+        };
+        for _ in 0..100_000 {
+            let halves = [any(), any(), any()];
+            let [xz, yz] = packed_halves(halves);
+            for (half, read) in halves.into_iter().zip(shared_halves(xz, yz)) {
+                let most = f64::from(half) * (1.0 + 2f64.powi(-12)) + 2f64.powi(-126 - 12);
+                assert!(read >= half && f64::from(read) <= most, "{halves:?}: {half:e} is read as {read:e}");
+            }
+        }
     }
 
     /// But for an exit at -0, which boxes are grown out of.
