@@ -146,6 +146,8 @@ void main() {
     escaped = uvec2(0u);
     finished_samples = 0u;
     sum = 0.0;
+    // Of rays that are not made by next_any.
+    sample_weight = 1.0;
     overflowed = 0u;
     ray_overflowed = false;
     lcg_state = 0u;

@@ -303,7 +303,7 @@ records! {
         block: uint,
         /// How far the elements of two blocks of one pixel are apart in the buffers that hold them.
         stride: uint,
-        /// Samples from here to `set_end` are one set of strata (`SAMPLER_STRATA`).
+        /// Samples from here to `set_end` are one set, in the strata or the order of which they are taken (`SAMPLER_STRATA`, `SAMPLER_SOBOL`).
         set_begin: uint,
         set_end: uint,
     }
@@ -471,7 +471,7 @@ constants! {
     /// Bits of the cells of a set of 64 samples or more.
     SOBOL_CELL_BITS = 5;
     /// A value of `SPEC_CELLS`: sets are not all one net each, so each is looked at.
-    ANY_CELLS = 32;
+    ANY_CELLS = 6;
 
     /// Values of `SPEC_SAMPLER`.
     SAMPLER_LCG = 0;

@@ -278,7 +278,7 @@ fn centred_box(pmin: [f32; 3], pmax: [f32; 3]) -> ([f32; 3], [f32; 3]) {
     (center, half)
 }
 
-/// Three floats from 0 on in two words, none of them less than it was, nor larger by more than 2^-12 of it. A float's upper bits but its sign
+/// Three floats from 0 to 2^127 in two words, none of them less than it was, nor larger by more than 2^-12 of it. A float's upper bits but its sign
 /// are kept: x's in bits 31 to 12 of the first word, z's in its bits 10 to 0 and in bits 31 to 22 of the second, y's in bits 20 to 0. The others
 /// are 0, signs in what is read. What stands below z and x when they are read makes them larger, so they are rounded with it.
 pub fn packed_halves(half: [f32; 3]) -> [u32; 2] {

@@ -9,7 +9,8 @@ use common::{geometry, job, pinhole, plan_decided, run, scene_of, with_device};
 use cousu::layout::SPEC_SAMPLE_LANES;
 use cousu::pack;
 use cousu::render::auto::{self, Decision};
-use cousu::render::choices::{Accessor, Intersector, Method, Passes, Preset, Sampler, Wishes};
+use cousu::render::choices::{Accessor, Accumulator, Intersector, Method, Passes, Preset, Sampler, Wishes};
+use cousu::render::picture::Picture;
 use cousu::render::plan::Job;
 use cousu::render::rounds::Goal;
 use cousu::scene::Scene;
@@ -177,6 +178,31 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
                     assert!(outcome.accumulated == exact.accumulated, "{what}");
                 }
             }
+        }
+    });
+}
+
+/// Sums of floats and bytes weigh each escaped ray as counts do.
+#[test]
+fn running_means_are_those_of_the_triangles() {
+    with_device(|device| {
+        let scene = odd_faces(3);
+        let geometry = geometry(&scene, Preset::Auto);
+        let mut job = job(&scene, (72, 45), 0..12);
+        job.camera = pinhole([1.3, 1.1, 1.2], [0.0; 3], [0.0, 1.0, 0.0], 80.0);
+        for accumulator in [Accumulator::Rgba32f, Accumulator::Rgba8] {
+            let [exact, faces] = [(Method::Threaded, Passes::Single), (Method::Brute, Passes::Split)].map(
+                |(method, passes)| {
+                    let mut decision = decision(device, &geometry, method, passes, Sampler::Pcg);
+                    decision.settings.accumulator = accumulator;
+                    let plan = plan_decided(device, &scene, &geometry, job.clone(), &decision);
+                    assert_eq!(plan.finds_edges(), passes == Passes::Split);
+                    run(device, &plan)
+                },
+            );
+            let light: f32 = Picture::new(job.tiles(), &faces.accumulated).light.iter().sum();
+            assert!(light > 100.0, "{accumulator}: {light}");
+            assert!(faces.accumulated == exact.accumulated, "{accumulator}");
         }
     });
 }

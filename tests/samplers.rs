@@ -56,6 +56,25 @@ fn the_device_draws_the_numbers_of_the_twin() {
     });
 }
 
+/// A plan that is given other samples takes them in their own order.
+#[test]
+fn a_plan_with_other_samples_draws_as_one_made_for_them() {
+    with_device(|device| {
+        let scene = scene_named("cornell", None);
+        let geometry = geometry(&scene, Preset::Auto);
+        let [many, few] = [0..64, 0..16].map(|set| job(&scene, (40, 25), set));
+        let wishes = Wishes { sampler: Some(Sampler::Sobol), ..Wishes::default() };
+        let made = plan(device, &scene, &geometry, few.clone(), wishes);
+        let given = plan(device, &scene, &geometry, many, wishes).with_job(few);
+        let [made, given] = [made, given].map(|plan| {
+            let lists = RayLists::new(device, &plan).unwrap();
+            let hits = lists.trace(Query::Closest, &lists.camera_rays().unwrap()).unwrap();
+            lists.ambient_rays(&hits, 5).unwrap().iter().map(bits).collect::<Vec<_>>()
+        });
+        assert_eq!(made, given);
+    });
+}
+
 /// Rays that start some ulps off their surface, bit by bit.
 #[test]
 fn the_device_starts_rays_where_the_twin_does() {

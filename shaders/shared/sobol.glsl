@@ -38,10 +38,10 @@ uvec2 sobol_bits(uvec2 digits, uvec2 seed) { return bitfieldReverse(owen_scrambl
 // nets one for each point.
 
 // The largest net within begin to end around this index: where its bits part from those of the end, which are beyond it, and from those of the
-// last index before it.
+// last index before it. (A CPU device asks beyond the last sample too, where there is none.)
 uint net_bits(uint index, uint begin, uint end) {
     int bits = findMSB(index ^ end);
-    return uint(begin == 0u ? bits : min(bits, findMSB(index ^ (begin - 1u))));
+    return uint(max(begin == 0u ? bits : min(bits, findMSB(index ^ (begin - 1u))), 0));
 }
 
 // The first digits that scrambling turns into those of the cell: each digit's turn depends on those above it.

@@ -131,10 +131,6 @@ int next_entry(inout uint waiting) {
     return entry_reference(entry);
 }
 
-// Most nodes that a lane at a leaf waits for, while others of its subgroup are still at nodes: with fewer it tests triangles with few others, with
-// more it waits for those that have the longest way.
-#define NODES_IN_A_ROW 8u
-
 // Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Returns whether
 // it came to its end.
 bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {

@@ -8,19 +8,24 @@ int stack[STACK_ROOM];
 // Where the ray enters what waits on the stack.
 float stack_enter[STACK_ROOM];
 
-// Most nodes that a lane at a leaf waits for, while others of its subgroup are still at nodes.
-#define CLOSEST_NODES_IN_A_ROW 8u
+// Most nodes that a lane at a leaf waits for, while others of its subgroup are still at nodes: with fewer it tests triangles with few others, with
+// more it waits for those that have the longest way.
+#define NODES_IN_A_ROW 8u
+
+// Loops ask at their end: one that asks first takes a turn more of those that Mesa's software device allows an invocation.
 
 // What waits on the stack and is not farther away than the closest hit.
 int pop_near(inout int top, float t_max) {
     int reference = NOTHING;
     bool more = top > 0;
-    while (more) {
-        top--;
-        bool near = max(stack_enter[top], 0.0) <= t_max;
-        if (near) reference = stack[top];
-        more = !near && top > 0;
-    }
+    do {
+        if (more) {
+            top--;
+            bool near = max(stack_enter[top], 0.0) <= t_max;
+            if (near) reference = stack[top];
+            more = !near && top > 0;
+        }
+    } while (more);
     return reference;
 }
 
@@ -33,22 +38,24 @@ bool closest_hit(Ray ray, inout Hit hit) {
     while (more) {
         uint steps = 0u;
         bool walks = reference >= 0;
-        while (walks) {
-            COUNT_VISIT();
-            Children node = open_pair(slabs, reference);
-            vec4 intervals = node.intervals;
-            bvec2 meets = meets_pair(intervals, box_limit(hit.t));
-            bool right_first = meets.y && (!meets.x || intervals.z < intervals.x);
-            reference = right_first ? node.right : node.left;
-            if (meets.x && meets.y) {
-                stack[top] = right_first ? node.left : node.right;
-                stack_enter[top] = right_first ? intervals.x : intervals.z;
-                top++;
+        do {
+            if (walks) {
+                COUNT_VISIT();
+                Children node = open_pair(slabs, reference);
+                vec4 intervals = node.intervals;
+                bvec2 meets = meets_pair(intervals, box_limit(hit.t));
+                bool right_first = meets.y && (!meets.x || intervals.z < intervals.x);
+                reference = right_first ? node.right : node.left;
+                if (meets.x && meets.y) {
+                    stack[top] = right_first ? node.left : node.right;
+                    stack_enter[top] = right_first ? intervals.x : intervals.z;
+                    top++;
+                }
+                if (!meets.x && !meets.y) reference = pop_near(top, box_limit(hit.t));
+                steps++;
+                walks = reference >= 0 && steps < NODES_IN_A_ROW;
             }
-            if (!meets.x && !meets.y) reference = pop_near(top, box_limit(hit.t));
-            steps++;
-            walks = reference >= 0 && steps < CLOSEST_NODES_IN_A_ROW;
-        }
+        } while (walks);
         more = reference != NOTHING;
         if (more && reference < 0) {
             finished = closest_of_leaf(ray, slabs, leaf_first(reference), leaf_last(reference), hit) && finished;

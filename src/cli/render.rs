@@ -300,7 +300,8 @@ fn write_heatmap(output: Output, device: &Device, plan: &Plan<'_>, manifest: &Ma
         ..plan.job.clone()
     };
     let frame = Frame { jitters: 1, ..plan.frame };
-    let plan = Plan { tiles: job.tiles(), job, frame, ..plan.clone() }
+    let plan = Plan { frame, ..plan.clone() }
+        .with_job(job)
         .with_constant(layout::SPEC_JITTERED, 0)
         .with_constant(layout::SPEC_BUDGETS, 0);
     let Some(work) = count_work(device, &plan)? else {

@@ -39,10 +39,10 @@ const BRUTE_UP_TO: usize = 4;
 /// with 44 and 9.9).
 const EDGES_FOR_COST: f64 = 9.5;
 /// Samples of a camera ray from which that pays (there, 1.4, 1.2 and 1.1 times the rate of the next best at 8 on Cornell and the first two of
-/// those, 0.85 times at 4; since `entry` tests triangles roughly 1.16 times at 8 and 0.7 times at 4 on Cornell).
+/// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell 1.06 times at 8 and 0.7 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
-/// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and terrain, `split` has 0.73 to
-/// 0.9 times the rate of `single` at 4, 0.84 to 1.14 times at 8, 1.06 to 1.31 times at 16).
+/// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and stadium, `split` has 0.76 to
+/// 1.06 times the rate of `single` at 4, 0.97 to 1.27 times at 8, 0.97 to 1.48 times on the first three at 16).
 const SPLIT_FROM_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.16 times the rate of `entry` on a terrain of 2 million triangles, 0.71 times on the arcade of 260,000,

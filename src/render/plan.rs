@@ -141,7 +141,7 @@ impl<'a> Plan<'a> {
                 (layout::SPEC_MARKS_MISSES, 1),
                 (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
                 (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
-                (layout::SPEC_CELLS, sobol_cells(&job, &settings)),
+                (layout::SPEC_CELLS, sobol_cells(&job, settings.accumulator)),
                 (layout::SPEC_COMPACT, u32::from(takes_compact_nodes(&settings, geometry))),
                 (layout::SPEC_BOUNDED, u32::from(frame.ambient_t_max < f32::MAX)),
             ],
@@ -160,12 +160,6 @@ impl<'a> Plan<'a> {
             && geometry.triangles.len() <= pack::MOST_FACES;
         let plan = Self { faces: reads_faces.then(|| pack::pairs(geometry.corners(&scene.mesh))), ..plan };
         let plan = if plan.finds_edges() { plan.with_constant(layout::SPEC_SAMPLE_LANES, 1) } else { plan };
-        // Eight rays made in a row leave a kernel no room to look at each set: most samples of rounds are in nets of 64 or more.
-        let plan = if plan.finds_edges() && goes_in_rounds(&plan.job) {
-            plan.with_constant(layout::SPEC_CELLS, layout::SOBOL_CELL_BITS)
-        } else {
-            plan
-        };
         plan.check_buffers(scene, limits)?;
         Ok(plan)
     }
@@ -224,6 +218,14 @@ impl<'a> Plan<'a> {
     /// Invocations that share a pixel's samples.
     pub fn sample_lanes(&self) -> u32 {
         self.constants.iter().find(|(id, _)| *id == layout::SPEC_SAMPLE_LANES).map_or(1, |(_, lanes)| *lanes)
+    }
+
+    /// With other samples, and whatever else of a job needs no other kernels or buffers.
+    pub fn with_job(mut self, job: Job) -> Self {
+        let cells = sobol_cells(&job, self.settings.accumulator);
+        self.tiles = job.tiles();
+        self.job = job;
+        self.with_constant(layout::SPEC_CELLS, cells)
     }
 
     /// With another value of a specialization constant.
@@ -360,8 +362,8 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Invocations that share a pixel's samples: the power of two next below the root of their number, so that either has a part in keeping rays
-/// together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
+/// Invocations that share a pixel's samples: the greatest power of two up to the root of their number (with rounds, of the most that may come), so that
+/// either has a part in keeping rays together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
 /// scenes at 16 and on three at 32, 8 at 64). Sums of floats and states that step need one, and `packet` lost
 /// rays on an H100 with more (docs/measurements.md).
 fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
@@ -392,19 +394,14 @@ fn takes_compact_nodes(settings: &Settings, geometry: &Geometry) -> bool {
 }
 
 /// Bits of the cells in whose order the job's samples are taken, where all of them are one go and one net.
-fn sobol_cells(job: &Job, settings: &Settings) -> u32 {
+fn sobol_cells(job: &Job, accumulator: Accumulator) -> u32 {
     let samples = job.samples.len() as u32;
-    let one_go = !goes_in_rounds(job) && settings.accumulator == Accumulator::Count;
+    let one_go = job.goal == Goal::Samples && !job.adaptive && accumulator == Accumulator::Count;
     if one_go && samples.is_power_of_two() && job.samples.start.is_multiple_of(samples) {
         samples.ilog2().saturating_sub(1).min(layout::SOBOL_CELL_BITS)
     } else {
         layout::ANY_CELLS
     }
-}
-
-/// Whether samples come in sets of many sizes.
-fn goes_in_rounds(job: &Job) -> bool {
-    job.adaptive || job.goal != Goal::Samples
 }
 
 /// As the kernels know it.

@@ -159,7 +159,7 @@ impl<'a> RayLists<'a> {
     }
 
     /// The ambient ray of one sample (of `pcg` in place of `lcg`) of each pixel number, given what the camera rays hit;
-    /// rays that meet nothing where they missed.
+    /// rays that meet nothing where they missed. With `sobol` and `strata` those of one of several samples go one way from all pixels.
     pub fn ambient_rays(&self, hits: &[HitRecord], sample: u32) -> Result<Vec<RayRecord>> {
         let mut all = Vec::with_capacity(hits.len());
         for (place, piece) in hits.chunks(MOST_RAYS).enumerate() {

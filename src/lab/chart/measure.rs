@@ -64,10 +64,9 @@ const WARM_UP: usize = 4;
 fn shoot_whole(device: &Device, plan: &Plan<'_>, drift: &Drift<'_>, enough_ms: f64) -> Result<Shot> {
     let mut shot = Shot { times: Vec::new(), light: Vec::new(), overflowed: 0 };
     // The first run of a kernel may pay for its compilation.
-    let few = Plan {
-        job: Job { samples: 0..plan.job.samples.len().min(WARM_UP) as u32, ..plan.job.clone() },
-        ..plan.clone()
-    };
+    let few = plan
+        .clone()
+        .with_job(Job { samples: 0..plan.job.samples.len().min(WARM_UP) as u32, ..plan.job.clone() });
     execute::run(device, &few, &mut |_| {})?;
     while wants_more(&shot.times, enough_ms) {
         drift.wake()?;

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::lab::figure::Figure;
 use crate::lab::interleave::digits;
 use crate::lab::scenes::procedural;
-use crate::layout::{FRAME_SAMPLES, Frame, SPEC_REPEAT, TILE_SIDE};
+use crate::layout::{ANY_CELLS, FRAME_SAMPLES, Frame, SPEC_CELLS, SPEC_REPEAT, TILE_SIDE};
 use crate::pack::NodeArrays;
 use crate::reference::samplers::sample_numbers;
 use crate::reference::{Choices, Inputs, Traversal};
@@ -166,7 +166,9 @@ fn errors(lab: &Lab<'_>, scene: &Scene, geometry: &Geometry, source: Source, usu
         _ => (256, 160),
     };
     let job = Job { size, ..lab.job(scene, size, FRAME_SAMPLES) };
-    let mut plan = lab.plan(job, scene, geometry, &wishes(source, usual))?;
+    // Pictures of many lengths are made with one plan.
+    let mut plan =
+        lab.plan(job, scene, geometry, &wishes(source, usual))?.with_constant(SPEC_CELLS, ANY_CELLS);
     if source.repeats {
         plan = plan.with_constant(SPEC_REPEAT, FRAME_SAMPLES);
     }
