@@ -2,9 +2,12 @@
 
 mod common;
 
-use common::{geometry, job, plan, run, scene_named, scene_of, with_device};
+use common::{geometry, job, pinhole, plan, run, scene_named, scene_of, with_device};
+use cousu::bvh::Builder;
 use cousu::layout::Count;
 use cousu::render::choices::{Method, Passes, Preset, Wishes};
+use cousu::render::execute;
+use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::plan::Job;
 use cousu::render::seeds::hash;
@@ -87,6 +90,58 @@ fn a_driver_that_leaves_loops_early_loses_no_ray() {
                 if device.adapter().limits.loop_iterations.is_some() && max_distance.is_none() {
                     assert!(whole.repeats > 0, "{method}: this much work should meet the limit");
                 }
+            }
+        }
+    });
+}
+
+/// Thin triangles behind one another, in whose boxes a camera ray lies all the way to a wall that they leave uncovered.
+fn stacked(triangles: u32) -> String {
+    let mut text = String::from("v -2 -2 -1\nv 2 -2 -1\nv 0 4 -1\nf 1 2 3\n");
+    for place in 1..=triangles {
+        let z = f64::from(place) / f64::from(triangles);
+        text += &format!("v -1 -1 {z:.9}\nv 1 1 {z:.9}\nv 1 0.9999 {z:.9}\nf -3 -2 -1\n");
+    }
+    text
+}
+
+/// One camera ray near the driver's loop limit, where none can be cut: its hit is found, or the render says that it is too long.
+#[test]
+fn a_camera_ray_too_long_for_the_driver_is_told_of() {
+    with_device(|device| {
+        let limited = device.adapter().limits.loop_iterations.is_some();
+        for method in [Method::Ordered, Method::Entry] {
+            let finds = |triangles: u32| {
+                let scene = scene_of(&stacked(triangles));
+                let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+                let wishes =
+                    Wishes { method: Some(method), passes: Some(Passes::Split), ..Wishes::default() };
+                let mut job = Job { max_distance: Some(0.001), ..job(&scene, (4, 4), 0..1) };
+                job.camera = pinhole([0.2, -0.3, 6.0], [0.2, -0.3, 0.0], [0.0, 1.0, 0.0], 1.0);
+                match execute::run(device, &plan(device, &scene, &geometry, job, wishes), &mut |_| {}) {
+                    Ok(outcome) => {
+                        assert_eq!(
+                            (outcome.primary_rays, outcome.ambient_rays),
+                            (16, 16),
+                            "{method}, {triangles}"
+                        );
+                        true
+                    }
+                    Err(error) => {
+                        assert!(error.to_string().contains("too long"), "{method}, {triangles}: {error}");
+                        assert!(limited, "{method}, {triangles}: {error}");
+                        false
+                    }
+                }
+            };
+            // The least number that is refused, where there is one, and its neighbours.
+            let (mut least, mut most) = (1_000, 20_000);
+            while limited && most - least > 1 {
+                let middle = (least + most) / 2;
+                if finds(middle) { least = middle } else { most = middle }
+            }
+            for triangles in [1_000, 20_000].into_iter().chain(most.saturating_sub(4)..most + 4) {
+                assert_eq!(finds(triangles), !limited || triangles < most, "{method}, {triangles}");
             }
         }
     });
