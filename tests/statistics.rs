@@ -311,7 +311,7 @@ fn errors_fall_as_they_should() {
 /// powers of two do better than the -1 that holds for all numbers (Owen 1997), so there the next ones may fall back,
 /// though never near independent samples.
 #[test]
-fn any_prefix_of_sobol_is_good() {
+fn any_number_of_sobol_points_is_good() {
     let numbers = Numbers::of(SAMPLER_SOBOL, 51);
     for sky in &skies() {
         let [at16, at24, at32, at40, at48] =

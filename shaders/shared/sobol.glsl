@@ -113,7 +113,8 @@ uvec2 sobol_digits_in_set(uint sample_index, uvec2 set, uvec2 seed) {
     return sobol_digits_of_few(index - place, place, bits, seed);
 }
 
-// Bits of the cells of a set that the host knows to be one net, so that a kernel has no more text for them than it needs; or ANY_CELLS.
+// Bits of the cells of a set that the host knows to be one net, so that a kernel has no more text for them than it needs; or ANY_CELLS. A set that
+// is another one all the same is taken in the order of its indices.
 CONSTANT(SPEC_CELLS, uint, CELLS, ANY_CELLS);
 
 // `seed`: that of the sample's half; `set`: the first sample of the go and the one behind its last.

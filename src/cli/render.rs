@@ -10,7 +10,7 @@ use super::args::{CameraArguments, ChoiceArguments, distance, error, seconds, si
 use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result, joined};
-use crate::layout::{self, FRAME_SAMPLES, Frame};
+use crate::layout::FRAME_SAMPLES;
 use crate::render::auto;
 use crate::render::execute;
 use crate::render::picture::Picture;
@@ -299,11 +299,7 @@ fn write_heatmap(output: Output, device: &Device, plan: &Plan<'_>, manifest: &Ma
         goal: Goal::Samples,
         ..plan.job.clone()
     };
-    let frame = Frame { jitters: 1, ..plan.frame };
-    let plan = Plan { frame, ..plan.clone() }
-        .with_job(job)
-        .with_constant(layout::SPEC_JITTERED, 0)
-        .with_constant(layout::SPEC_BUDGETS, 0);
+    let plan = plan.clone().with_job(job);
     let Some(work) = count_work(device, &plan)? else {
         return Err(Error::device(format!(
             "{} lacks the subgroup operations that counting needs: leave --heatmap out or choose another --device.",

@@ -20,6 +20,7 @@ pub mod rounds;
 pub mod schedule;
 pub mod seeds;
 pub mod spans;
+pub mod specialize;
 pub mod stage;
 pub mod tally;
 pub mod tiles;

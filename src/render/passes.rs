@@ -21,10 +21,10 @@ const _: () = assert!(layout::LIST_SIZE <= WORKGROUP_INVOCATIONS);
 const ROOM: u64 = 1 << 21;
 /// Samples that an invocation of `split` takes: on a GPU few, so that many are under way and none lasts long.
 const GPU_BLOCK: u32 = 4;
-/// Samples that invocations share: enough that rays which go together are many, few enough that no lane has many.
-const SHARED_BLOCK: u32 = 64;
 /// The same where an invocation tests faces for many rays at a time.
 const FACES_BLOCK: u32 = 64;
+/// Samples that invocations share: enough that rays which go together are many, few enough that no lane has many.
+const SHARED_BLOCK: u32 = 64;
 /// Offset of the second sizes in [`ListArguments`].
 const PIXEL_SIZES: u64 = 16;
 /// Dispatches of a range at most.

@@ -11,6 +11,7 @@ use crate::render::choices::{
 };
 use crate::render::geometry::Geometry;
 use crate::render::rounds::Goal;
+use crate::render::specialize;
 use crate::render::tiles::Tiles;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, RayModel};
@@ -88,9 +89,6 @@ pub struct Plan<'a> {
     pub tuning: Tuning,
 }
 
-/// Arrays shorter than this are put into registers by NVIDIA's compiler: stack16 took 2.3 times as long as
-/// stack32 on an H100.
-const SHORTEST_STACK_ARRAY: u32 = 32;
 /// The original's fixed offset along the normal, units of the file.
 const FIXED_OFFSET: f64 = 0.01;
 /// The scaled offset as a part of the scene's diagonal.
@@ -110,8 +108,6 @@ impl<'a> Plan<'a> {
         let settings = decision.settings;
         check_job(&job, &settings, limits)?;
         let original = settings.preset.is_original();
-        let bound = geometry.stack_bound_of(settings.method);
-        let stack_entries = if let Method::Stack(entries) = settings.method { entries } else { bound.max(1) };
         let kernels = kernels_of(&settings, decision.accessor)?;
         let tiles = job.tiles();
         let frame = frame(&job, &settings, scene, geometry);
@@ -125,26 +121,7 @@ impl<'a> Plan<'a> {
             frame,
             accessor: accessor_of(&kernels, decision.accessor),
             kernels,
-            constants: vec![
-                (layout::SPEC_STACK_SIZE, stack_entries),
-                (layout::SPEC_STACK_ROOM, stack_entries.max(SHORTEST_STACK_ARRAY)),
-                (layout::SPEC_SAMPLER, sampler_code(settings.sampler)),
-                (layout::SPEC_ORIGINAL, u32::from(original)),
-                (layout::SPEC_ROBUST_SLABS, u32::from(settings.slabs == Slabs::Robust)),
-                (layout::SPEC_WATERTIGHT, u32::from(settings.intersector == Intersector::Watertight)),
-                (layout::SPEC_CONSERVATIVE, u32::from(settings.intersector == Intersector::Conservative)),
-                (layout::SPEC_LEAF_SIZE, geometry.largest_leaf_of(settings.method)),
-                (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
-                (layout::SPEC_JITTERED, u32::from(job.jitters > 1)),
-                (layout::SPEC_REPEAT, 0),
-                (layout::SPEC_BUDGETS, u32::from(job.adaptive)),
-                (layout::SPEC_MARKS_MISSES, 1),
-                (layout::SPEC_SAMPLE_LANES, sample_lanes(&job, &settings, decision)),
-                (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
-                (layout::SPEC_CELLS, sobol_cells(&job, settings.accumulator)),
-                (layout::SPEC_COMPACT, u32::from(takes_compact_nodes(&settings, geometry))),
-                (layout::SPEC_BOUNDED, u32::from(frame.ambient_t_max < f32::MAX)),
-            ],
+            constants: specialize::constants(&job, &settings, geometry, decision, &frame),
             job,
             settings,
             tiles,
@@ -220,12 +197,13 @@ impl<'a> Plan<'a> {
         self.constants.iter().find(|(id, _)| *id == layout::SPEC_SAMPLE_LANES).map_or(1, |(_, lanes)| *lanes)
     }
 
-    /// With other samples, and whatever else of a job needs no other kernels or buffers.
+    /// Another job of the same picture: other samples, another number of camera rays a pixel, or as many samples for all.
     pub fn with_job(mut self, job: Job) -> Self {
-        let cells = sobol_cells(&job, self.settings.accumulator);
+        self.frame = Frame { sample_base: job.samples.start, jitters: job.jitters, ..self.frame };
         self.tiles = job.tiles();
+        let constants = specialize::constants_of_job(&job, &self.settings);
         self.job = job;
-        self.with_constant(layout::SPEC_CELLS, cells)
+        constants.into_iter().fold(self, |plan, (id, value)| plan.with_constant(id, value))
     }
 
     /// With another value of a specialization constant.
@@ -359,59 +337,6 @@ impl<'a> Plan<'a> {
             )));
         }
         Ok(())
-    }
-}
-
-/// Invocations that share a pixel's samples: the greatest power of two up to the root of their number (with rounds, of the most that may come), so that
-/// either has a part in keeping rays together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
-/// scenes at 16 and on three at 32, 8 at 64). Sums of floats and states that step need one, and `packet` lost
-/// rays on an H100 with more (docs/measurements.md).
-fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
-    let any_order = settings.passes == Passes::Split
-        && settings.accumulator == Accumulator::Count
-        && settings.sampler != Sampler::Lcg
-        && !matches!(settings.method, Method::Packet | Method::Bundle)
-        && !settings.preset.is_original();
-    if !any_order {
-        return 1;
-    }
-    let samples = (job.samples.len() as u32).max(1);
-    decision.sample_lanes.min(1 << (samples.ilog2() / 2))
-}
-
-/// From so many bytes of nodes on `entry` reads compact ones: they save caches, but take a few operations more to read (measured on an H100 at 64
-/// samples: 1.09 times the rate on a terrain of two million triangles, 1.08 on the hairball of 770,000; 0.97 on the arcade of
-/// 260,000, 1.02 on a mesh of 70,000).
-const COMPACT_FROM: u64 = 24 << 20;
-/// The same where one kernel does all of a pixel, whose rays part sooner (there, at 4 samples: 1.14 times the rate with 70,000 triangles, 1.13 with
-/// 260,000, 0.96 with 5,456).
-const COMPACT_FROM_IN_ONE: u64 = 2 << 20;
-
-fn takes_compact_nodes(settings: &Settings, geometry: &Geometry) -> bool {
-    let least = if settings.passes == Passes::Single { COMPACT_FROM_IN_ONE } else { COMPACT_FROM };
-    settings.method == Method::Entry
-        && pack::node_array_bytes(NodeLayout::Centred, &geometry.tree, geometry.collapsed()) >= least
-}
-
-/// Bits of the cells in whose order the job's samples are taken, where all of them are one go and one net.
-fn sobol_cells(job: &Job, accumulator: Accumulator) -> u32 {
-    let samples = job.samples.len() as u32;
-    let one_go = job.goal == Goal::Samples && !job.adaptive && accumulator == Accumulator::Count;
-    if one_go && samples.is_power_of_two() && job.samples.start.is_multiple_of(samples) {
-        samples.ilog2().saturating_sub(1).min(layout::SOBOL_CELL_BITS)
-    } else {
-        layout::ANY_CELLS
-    }
-}
-
-/// As the kernels know it.
-pub fn sampler_code(sampler: Sampler) -> u32 {
-    match sampler {
-        Sampler::Lcg => layout::SAMPLER_LCG,
-        Sampler::Pcg => layout::SAMPLER_PCG,
-        Sampler::Sobol => layout::SAMPLER_SOBOL,
-        Sampler::Strata => layout::SAMPLER_STRATA,
-        Sampler::Philox => layout::SAMPLER_PHILOX,
     }
 }
 

@@ -1,7 +1,8 @@
 //! What the shaders' twin on the CPU needs to render a plan.
 
 use super::choices::{Intersector, Method, Offset, Preset, Slabs};
-use super::plan::{Plan, sampler_code};
+use super::plan::Plan;
+use super::specialize::sampler_code;
 use crate::kernels::NodeLayout;
 use crate::pack::{NodeArrays, compact_nodes};
 use crate::reference::exact::{Rules, Shapes, Truth};
