@@ -95,7 +95,7 @@ pub struct NodeArrays {
     pub single: Vec<Node>,
     pub threaded: Vec<ThreadedNode>,
     pub pair: Vec<PairNode>,
-    /// For the fused test of `entry`.
+    /// For the fused test of `entry` and `postponed`.
     pub grown: Vec<CentredNode>,
     pub wide: Vec<WideNode>,
     pub quad: Vec<QuadNode>,
@@ -209,7 +209,7 @@ pub fn threaded_nodes48(tree: &Tree, pad: f32) -> Vec<ThreadedNode48> {
         .collect()
 }
 
-/// Nodes for `ordered`, `packet` and `postponed`.
+/// Nodes for `ordered` and `packet`.
 pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
     let inner = InnerNodes::of(tree);
     let child = |index: u32| (grown(&tree.nodes[index as usize].bounds, pad), inner.reference(tree, index));
@@ -235,7 +235,7 @@ pub fn pair_nodes(tree: &Tree, pad: f32) -> Vec<PairNode> {
     nodes.collect()
 }
 
-/// Nodes for `entry`: the same boxes by their centres.
+/// Nodes for `entry` and `postponed`: the same boxes by their centres.
 pub fn centred_nodes(tree: &Tree, pad: f32) -> Vec<CentredNode> {
     let centred = |node: &PairNode| {
         let (left_center, left_half) = centred_box(node.left_min, node.left_max);

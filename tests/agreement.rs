@@ -256,8 +256,9 @@ fn compact_nodes_count_the_same_rays() {
             let places = (0..9).map(|place| [place / 3, place % 3, (place / 3 + place) % 3]);
             for [a, b, c] in places.filter(|[a, b, _]| name == "maison" || a == b) {
                 let (passes, accessor, intersector) = (PASSES[a], ACCESSORS[b], INTERSECTORS[c]);
+                let method = [Method::Entry, Method::Postponed][(a + b) % 2];
                 let wishes = Wishes {
-                    method: Some(Method::Entry),
+                    method: Some(method),
                     passes: Some(passes),
                     accessor: Some(accessor),
                     intersector: Some(intersector),
@@ -270,7 +271,7 @@ fn compact_nodes_count_the_same_rays() {
                         assert_eq!(plan.node_layout(), layout);
                         run(device, &plan)
                     });
-                let what = format!("{name}, {passes}, {accessor}, {intersector}");
+                let what = format!("{name}, {method}, {passes}, {accessor}, {intersector}");
                 assert!(whole.accumulated == compact.accumulated, "{what}");
                 assert_eq!((compact.overflowed_rays, compact.repeats), (0, 0), "{what}");
             }
@@ -278,12 +279,13 @@ fn compact_nodes_count_the_same_rays() {
     });
 }
 
-/// They are taken where whole ones would not stay in a GPU's caches.
+/// They are taken where whole ones would not stay in a GPU's caches, and where rays visit many nodes.
 #[test]
 fn large_scenes_have_compact_nodes() {
     with_device(|device| {
-        let [small, large] = [50_000, 800_000].map(|triangles| {
-            let scene = scene_named("terrain", Some(triangles));
+        let scenes = [("terrain", 50_000), ("terrain", 800_000), ("hairball", 100_000)];
+        let [small, large, dense] = scenes.map(|(name, triangles)| {
+            let scene = scene_named(name, Some(triangles));
             let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
             (scene, geometry)
         });
@@ -292,6 +294,9 @@ fn large_scenes_have_compact_nodes() {
             (&small, Method::Entry, Passes::Split, NodeLayout::Centred),
             (&small, Method::Ordered, Passes::Single, NodeLayout::Pair),
             (&large, Method::Entry, Passes::Split, NodeLayout::Compact),
+            (&dense, Method::Postponed, Passes::Split, NodeLayout::Compact),
+            (&small, Method::Postponed, Passes::Split, NodeLayout::Centred),
+            (&dense, Method::Packet, Passes::Split, NodeLayout::Pair),
         ] {
             let wishes = Wishes { method: Some(method), passes: Some(passes), ..Wishes::default() };
             let plan = common::plan(device, scene, geometry, job(scene, SIZE, 0..4), wishes);

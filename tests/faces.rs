@@ -162,14 +162,22 @@ fn faces_occlude_the_rays_that_their_triangles_do() {
                 let exact = decision(device, &geometry, Method::Threaded, Passes::Single, sampler);
                 let exact = run(device, &plan_decided(device, scene, &geometry, job.clone(), &exact));
                 assert!(exact.ambient_rays > 1_000, "scene {number}: the camera sees too little");
-                for lanes in [1, 2, 8] {
+                let ways = [
+                    (1, Accessor::StorageBuffer),
+                    (1, Accessor::Address),
+                    (2, Accessor::StorageBuffer),
+                    (8, Accessor::Address),
+                ];
+                for (lanes, accessor) in ways {
                     let brute = decision(device, &geometry, Method::Brute, Passes::Split, sampler);
+                    let brute = Decision { accessor, ..brute };
                     let plan = plan_decided(device, scene, &geometry, job.clone(), &brute);
-                    assert_eq!(plan.kernels[2].name, "ambient_list/brute/ssbo");
+                    assert_eq!(plan.kernels[2].name, format!("ambient_list/brute/{accessor}"));
                     assert!(plan.faces.is_some(), "faces are not packed");
                     let plan = plan.with_constant(SPEC_SAMPLE_LANES, lanes);
                     let outcome = run(device, &plan);
-                    let what = format!("scene {number}, {sampler:?}, {max_distance:?}, {lanes} lanes");
+                    let what =
+                        format!("scene {number}, {sampler:?}, {max_distance:?}, {lanes} lanes, {accessor}");
                     assert_eq!(
                         (outcome.ambient_rays, outcome.overflowed_rays),
                         (exact.ambient_rays, 0),

@@ -54,11 +54,11 @@ fn equal_walks_do_equal_work() {
                 of_method(all, family).pixels.iter().map(work).collect()
             };
             assert!(any("packet", |p| p.any_visits) == any("ordered", |p| p.any_visits), "{name}");
-            for other in ["packet", "postponed"] {
-                assert!(any(other, |p| p.any_tests) == any("ordered", |p| p.any_tests), "{name}: {other}");
-            }
+            assert!(any("packet", |p| p.any_tests) == any("ordered", |p| p.any_tests), "{name}");
+            // Its boxes are grown a little more, so that now and then a leaf more is met.
             let (late, early) = (of_method(all, "postponed").any, of_method(all, "ordered").any);
             assert!(late.visits >= early.visits, "{name}");
+            assert!((early.tests..=1.001 * early.tests).contains(&late.tests), "{name}");
             for ((method, by_buffer), (_, by_texel)) in by_accessor[0].iter().zip(&by_accessor[1]) {
                 assert!(visits_and_tests(by_buffer) == visits_and_tests(by_texel), "{name}: {method}");
             }

@@ -1,27 +1,9 @@
 // Any hit with nodes that hold both children's boxes: the left child first, the larger one, since which one is nearer does not tell which one
 // occludes. Twin: src/reference/traverse/children.rs.
 
-#ifdef USES_ANY
+#include "met_children.glsl"
 
-// A node's children, and which of their boxes the ray meets up to t_max.
-#ifdef NODES_CENTRED
-#define BOX_RAY GrownRay
-#define BOX_RAY_OF(ray, slabs) grown_ray_of(ray)
-bvec2 met_children(GrownRay ray, int reference, float t_max, out ivec2 children) {
-    CentredNode node = load_centred(reference);
-    children = ivec2(node.left, node.right);
-    return bvec2(meets_grown(ray, node.left_center, node.left_half, t_max),
-                 meets_grown(ray, node.right_center, node.right_half, t_max));
-}
-#else
-#define BOX_RAY Slabs
-#define BOX_RAY_OF(ray, slabs) slabs
-bvec2 met_children(Slabs slabs, int reference, float t_max, out ivec2 children) {
-    Children node = open_pair(slabs, reference);
-    children = ivec2(node.left, node.right);
-    return meets_pair(node.intervals, t_max);
-}
-#endif
+#ifdef USES_ANY
 
 bool any_hit_left_first(Ray ray, inout bool occluded) {
     Slabs slabs = slabs_of(ray);

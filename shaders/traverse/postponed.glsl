@@ -1,10 +1,12 @@
 // Nodes and stack as in ordered.glsl, but a lane that comes to a leaf keeps it and goes on through the tree, until half
 // of the subgroup's rays need something else or none can go on; then all leaves are tested together (Aila and Laine,
 // "Understanding the Efficiency of Ray Traversal on GPUs", 2009, who wait until all have one). A lane that is through
-// with its ray takes the next one at that time, so none waits for the longest ray.
+// with its ray takes the next one at that time, so none waits for the longest ray. Nodes are those of entry.glsl, and any hits test their boxes
+// as there.
 // Twin: src/reference/traverse/postponed.rs.
 
 #include "pair.glsl"
+#include "met_children.glsl"
 
 int stack[STACK_ROOM];
 int top;
@@ -101,6 +103,7 @@ void run_any() {
     bool occluded = false;
     uint id;
     Slabs slabs;
+    BOX_RAY box_ray;
     bool has_ray = false;
     bool finished = true;
     bool more = true;
@@ -110,6 +113,7 @@ void run_any() {
             if (has_ray) retire_any(id, occluded, occluded || finished);
             has_ray = next_any(ray, occluded, id);
             slabs = slabs_of(ray);
+            box_ray = BOX_RAY_OF(ray, slabs);
             finished = true;
             start_walk(has_ray && !occluded);
         }
@@ -117,10 +121,10 @@ void run_any() {
         while (walks) {
             if (reference >= 0) {
                 COUNT_VISIT();
-                PairNode node = load_pair(reference);
-                bvec2 meets = meets_pair(pair_intervals(slabs, node), box_limit(ray.t_max));
-                reference = meets.x ? node.left : meets.y ? node.right : NOTHING;
-                if (meets.x && meets.y) stack[top++] = node.right;
+                ivec2 children;
+                bvec2 meets = met_children(box_ray, reference, box_limit(ray.t_max), children);
+                reference = meets.x ? children.x : meets.y ? children.y : NOTHING;
+                if (meets.x && meets.y) stack[top++] = children.y;
             }
             take_next();
             walks = walk_goes_on(has_ray);

@@ -141,6 +141,11 @@ impl Method {
         if self == Self::Bundle { 4 } else { 1 }
     }
 
+    /// Whether it tests any-hit rays against boxes by fused products ([`crate::pack::grown_pad`]).
+    pub fn fuses_boxes(self) -> bool {
+        matches!(self, Self::Entry | Self::Postponed)
+    }
+
     /// Every method, `stackN` with so many entries.
     pub fn all(stack: u32) -> [Self; 10] {
         use Method::*;

@@ -142,7 +142,7 @@ impl<'a> Plan<'a> {
     }
 
     /// For rays that start farther away than those of the plan's own render, lists of them: no coordinate of an origin
-    /// exceeds `reach`, device units. The watertight intersector, the method `entry` and faces need to know.
+    /// exceeds `reach`, device units. The watertight intersector, methods that fuse boxes and faces need to know.
     pub fn with_reach(mut self, reach: f64) -> Self {
         self.any_reach = self.any_reach.max(reach);
         if reach > self.reach {
@@ -161,7 +161,7 @@ impl<'a> Plan<'a> {
         if self.corners.is_some() {
             made_for = self.reach;
         }
-        if any_hits && self.settings.method == Method::Entry {
+        if any_hits && self.settings.method.fuses_boxes() {
             made_for = made_for.min(self.any_reach);
         }
         if reach <= made_for * (1.0 + 1e-6) {
@@ -314,7 +314,9 @@ impl<'a> Plan<'a> {
     /// By how much the boxes of nodes are grown on every side, device units.
     pub fn node_pad(&self) -> f32 {
         match (self.settings.method, self.settings.slabs) {
-            (Method::Entry, _) => pack::grown_pad(self.frame.box_pad, self.frame.largest, self.any_reach),
+            (method, _) if method.fuses_boxes() => {
+                pack::grown_pad(self.frame.box_pad, self.frame.largest, self.any_reach)
+            }
             (_, Slabs::Robust) => self.frame.box_pad,
             (_, Slabs::Plain) => 0.0,
         }

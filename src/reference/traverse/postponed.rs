@@ -1,8 +1,8 @@
 //! Rays of a group, each with its own stack; leaves wait until half of the rays need something else than a node. Twin of
 //! shaders/traverse/postponed.glsl, but for the rays that a lane takes one after the other.
 
+use super::grown::{GrownRay, grown_ray_of, met_children, sides_of};
 use super::pair::{ROOT, leaf_of, meets_pair, pair_intervals};
-use crate::layout::PairNode;
 use crate::reference::Inputs;
 use crate::reference::intersect::{any_of_triangle, box_limit, closest_of_triangle};
 use crate::reference::ray::{Hit, Ray};
@@ -50,19 +50,33 @@ impl Walk {
         }
     }
 
-    /// Visits the node where the ray is, if it is at one.
-    fn step<'a>(&mut self, load: impl Fn(i32) -> &'a PairNode, slabs: &Slabs, t_max: f32, near_first: bool) {
+    /// Visits the node where the ray is, if it is at one, for its closest hit: the near child first.
+    fn step_near(&mut self, inputs: &Inputs, slabs: &Slabs, t_max: f32) {
         if let Some(reference) = self.at.filter(|&reference| reference >= 0) {
-            let node = load(reference);
-            let intervals = pair_intervals(slabs, node);
+            let node = sides_of(inputs.load_grown(reference));
+            let intervals = pair_intervals(slabs, &node);
             let meets = meets_pair(&intervals, t_max);
             let left = meets[0].then_some((node.left, intervals[0][0]));
             let right = meets[1].then_some((node.right, intervals[1][0]));
-            let right_first = near_first && intervals[1][0] < intervals[0][0];
+            let right_first = intervals[1][0] < intervals[0][0];
             let (near, far) = if right_first { (right, left) } else { (left, right) };
-            self.at = near.or(far).map(|(reference, _)| reference);
-            self.stack.extend(near.and(far));
+            self.go_to(near, far);
         }
+    }
+
+    /// The same for any hit: the left child first.
+    fn step_left(&mut self, inputs: &Inputs, ray: &GrownRay, t_max: f32) {
+        if let Some(reference) = self.at.filter(|&reference| reference >= 0) {
+            let children = met_children(ray, inputs.load_grown(reference), t_max);
+            // Nothing lies behind an any hit.
+            let [left, right] = children.map(|(child, met)| met.then_some((child, 0.0)));
+            self.go_to(left, right);
+        }
+    }
+
+    fn go_to(&mut self, first: Option<(i32, f32)>, second: Option<(i32, f32)>) {
+        self.at = first.or(second).map(|(reference, _)| reference);
+        self.stack.extend(first.and(second));
     }
 }
 
@@ -82,7 +96,7 @@ pub fn closest_hits(inputs: &Inputs, rays: &[Ray], mut hits: Vec<Hit>) -> Vec<Hi
         loop {
             for (lane, walk) in walks.iter_mut().enumerate() {
                 let limit = box_limit(inputs, hits[lane].t);
-                walk.step(|reference| inputs.load_pair(reference), &slabs[lane], limit, true);
+                walk.step_near(inputs, &slabs[lane], limit);
                 walk.take_next(limit);
             }
             if !goes_on(&walks, |lane| with_ray[lane]) {
@@ -104,6 +118,7 @@ pub fn closest_hits(inputs: &Inputs, rays: &[Ray], mut hits: Vec<Hit>) -> Vec<Hi
 /// Whether each ray of a group meets any triangle.
 pub fn any_hits(inputs: &Inputs, rays: &[Ray]) -> Vec<bool> {
     let slabs: Vec<Slabs> = rays.iter().map(|ray| slabs_of(ray, inputs.choices.robust_slabs)).collect();
+    let box_rays: Vec<GrownRay> = rays.iter().map(grown_ray_of).collect();
     let mut walks: Vec<Walk> = rays.iter().map(|_| Walk::of_root()).collect();
     let mut occluded = vec![false; rays.len()];
     while !walks.iter().all(Walk::ended) {
@@ -111,7 +126,7 @@ pub fn any_hits(inputs: &Inputs, rays: &[Ray]) -> Vec<bool> {
         loop {
             for (lane, walk) in walks.iter_mut().enumerate() {
                 let limit = box_limit(inputs, rays[lane].t_max);
-                walk.step(|reference| inputs.load_pair(reference), &slabs[lane], limit, false);
+                walk.step_left(inputs, &box_rays[lane], limit);
                 walk.take_next(limit);
             }
             if !goes_on(&walks, |lane| with_ray[lane]) {
