@@ -350,6 +350,12 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
         let few_split = Wishes { passes: Some(Passes::Split), ..few };
+        let scenes =
+            [("terrain", Some(3_200_000)), ("cornell", None), ("maison", None)].map(|(name, triangles)| {
+                let scene = scene_named(name, triangles);
+                let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+                (name, geometry)
+            });
         for (name, wishes, method, passes) in [
             ("terrain", few, Method::Wide, Passes::Single),
             ("terrain", few_split, Method::Entry, Passes::Split),
@@ -364,9 +370,8 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("cornell", brute_moller, Method::Brute, Passes::Single),
             ("cornell", brute, Method::Brute, Passes::Split),
         ] {
-            let scene = scene_named(name, (name == "terrain").then_some(501_000));
-            let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
-            let settings = auto::decide(&wishes, &geometry, &gpu).settings;
+            let (_, geometry) = scenes.iter().find(|(known, _)| *known == name).expect("one of them");
+            let settings = auto::decide(&wishes, geometry, &gpu).settings;
             assert_eq!((settings.method, settings.passes), (method, passes), "{name} {wishes:?}");
         }
     });

@@ -39,15 +39,16 @@ const BRUTE_UP_TO: usize = 4;
 /// with 44 and 9.9).
 const EDGES_FOR_COST: f64 = 9.5;
 /// Samples of a camera ray from which that pays (there, 1.4, 1.2 and 1.1 times the rate of the next best at 8 on Cornell and the first two of
-/// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell 1.06 times at 8 and 0.7 times at 4 on Cornell).
+/// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
+/// 0.74 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
 /// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and stadium, `split` has 0.76 to
 /// 1.06 times the rate of `single` at 4, 0.97 to 1.27 times at 8, 0.97 to 1.48 times on the first three at 16).
 const SPLIT_FROM_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
-/// (measured on an H100 at 4 samples: 1.16 times the rate of `entry` on a terrain of 2 million triangles, 0.71 times on the arcade of 260,000,
-/// 0.81 times with Cornell's 32).
-const WIDE_FROM: usize = 500_000;
+/// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
+/// on the arcade of 260,000).
+const WIDE_FROM: usize = 3_000_000;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
 /// on Mesa's software device: 1.1 to 2.4 times the rate of `wide` on Cornell, maison, bunny and arcade, 0.8 to 1 on the terrain of two million
@@ -56,7 +57,7 @@ const BUNDLE_UP_TO_COST: f64 = 100.0;
 const BUNDLE_UP_TO: usize = 1_000_000;
 
 /// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 1.2 times the
-/// rate of `entry` on the hairball, 0.6 to 0.8 on maison, bunny and terrain).
+/// rate of `entry` on the hairball, 0.6 to 0.8 on maison, bunny and terrain; since both read nodes alike 1.06 to 1.1 at 4 and 8 on the hairball).
 const POSTPONED_FROM: f64 = 100.0;
 
 /// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
