@@ -44,6 +44,19 @@ fn sixteen_frames_are_the_same_on_both() {
             }
             assert!(row["gl_timer"] == "wall" || row["gl_timer"] == "device");
         }
+        let auto = &record["auto"];
+        let number = |key: &str| auto[key].as_f64().unwrap_or_else(|| panic!("{key}: {auto}"));
+        let fastest = rows
+            .iter()
+            .filter(|row| row["method"] != "fragment")
+            .map(|row| row["gl_ms_median"].as_f64().unwrap());
+        let of_sample = fastest.fold(f64::INFINITY, f64::min) / 4.0;
+        assert!((number("original_ms_per_sample") / of_sample - 1.0).abs() < 1e-9, "{auto}");
+        let ratio = of_sample / number("ms_per_sample");
+        assert!((number("times_as_fast") / ratio - 1.0).abs() < 1e-9 && number("samples") == 64.0, "{auto}");
+        // A camera ray a pixel, and no more ambient rays than would be if all hit.
+        let rays = number("mrays_per_s") * 1e3 * number("ms_per_sample") * 64.0 / (320.0 * 200.0);
+        assert!((1.0 + 64.0 * 0.1..65.0).contains(&rays), "{rays} rays a pixel");
     }
 }
 

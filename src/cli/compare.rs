@@ -11,9 +11,10 @@ use super::args::{CameraArguments, size};
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
 use crate::gl::{Context, Preference, TimerKind};
-use crate::lab::compare::{Effort, Images, Row, measure};
+use crate::lab::compare::{Auto, Effort, Images, Render, Row, measure};
 use crate::render::auto;
 use crate::render::choices::{Method, Preset, Wishes};
+use crate::render::execute;
 use crate::render::frames::fragment;
 use crate::render::frames::opengl::OpenGlFrames;
 use crate::render::frames::vulkan::Stage;
@@ -99,6 +100,7 @@ struct Record {
     scene: String,
     size: [u32; 2],
     rows: Vec<Row>,
+    auto: Option<Auto>,
     manifest: Manifest,
 }
 
@@ -127,6 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         scene: scene.path.clone(),
         size: [width, height],
         rows: Vec::new(),
+        auto: None,
         manifest: Manifest::new(&scene, device.adapter(), arguments.seed),
     };
     for &method in &arguments.methods {
@@ -144,7 +147,60 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if record.rows.is_empty() {
         return Err(Error::device("No method could be compared: see above."));
     }
+    super::tell("auto ...");
+    match beside_auto(arguments, &scene, &device, &record) {
+        Ok(auto) => {
+            record.auto = auto;
+            write_tables(&arguments.output, &record)?;
+        }
+        Err(error) => super::tell(&format!("auto is left out: {error}")),
+    }
     super::print(&table(&record))
+}
+
+/// Samples of the render by the default choices, and how often it is done.
+const AUTO_SAMPLES: u32 = 64;
+const AUTO_RENDERS: usize = 5;
+
+/// The default choices on the same picture.
+fn beside_auto(
+    arguments: &Arguments,
+    scene: &Scene,
+    device: &Device,
+    record: &Record,
+) -> Result<Option<Auto>> {
+    let job = job(arguments, scene, record.size, AUTO_SAMPLES)?;
+    let wishes = job.wishes(&Wishes::default());
+    let geometry = session::geometry(scene, &wishes)?;
+    let decision = auto::decide(&wishes, &geometry, device.adapter());
+    let plan = Plan::new(job, scene, &geometry, &decision, &device.adapter().limits)?;
+    let mut renders = Vec::new();
+    for _ in 0..AUTO_RENDERS {
+        let outcome = execute::run(device, &plan, &mut |_| {})?;
+        renders.push(Render {
+            samples: AUTO_SAMPLES,
+            gpu_ms: outcome.kernels.iter().map(|kernel| kernel.gpu_ms).sum(),
+            rays: outcome.primary_rays + outcome.ambient_rays,
+        });
+    }
+    // The first form finds camera hits alone.
+    let compute = record.rows.iter().filter(|row| row.method != fragment::NAME);
+    let names = [plan.settings.method.to_string(), plan.settings.passes.to_string()];
+    Ok(Auto::beside(compute, &renders, names))
+}
+
+fn job(arguments: &Arguments, scene: &Scene, [width, height]: [u32; 2], samples: u32) -> Result<Job> {
+    Ok(Job {
+        camera: arguments.camera.camera(scene, Preset::Original)?,
+        size: (width, height),
+        samples: 0..samples,
+        seed: arguments.seed,
+        max_distance: None,
+        jitters: 1,
+        adaptive: false,
+        goal: Goal::Samples,
+        block: None,
+    })
 }
 
 /// One method's row and images.
@@ -157,19 +213,8 @@ fn compare(
     form: Form,
     size: [u32; 2],
 ) -> Result<(Row, Images)> {
-    let camera = arguments.camera.camera(scene, Preset::Original)?;
     let frames = arguments.frames.unwrap_or(if arguments.quick { 16 } else { 32 });
-    let job = Job {
-        camera,
-        size: (size[0], size[1]),
-        samples: 0..4 * frames,
-        seed: arguments.seed,
-        max_distance: None,
-        jitters: 1,
-        adaptive: false,
-        goal: Goal::Samples,
-        block: None,
-    };
+    let job = job(arguments, scene, size, 4 * frames)?;
     let method = match form {
         Form::Fragment => Method::Brute,
         Form::Compute(method) => method,
@@ -245,8 +290,9 @@ fn table(record: &Record) -> String {
             format!("{:.4}", row.difference.max_difference),
         ]);
     }
+    let auto = record.auto.as_ref().map_or_else(String::new, said_of_auto);
     format!(
-        "{} {}x{}\nVulkan   {} ({})\nOpenGL   {} ({}, {})\n\n{}",
+        "{} {}x{}\nVulkan   {} ({})\nOpenGL   {} ({}, {})\n\n{}{auto}",
         record.scene,
         record.size[0],
         record.size[1],
@@ -256,6 +302,25 @@ fn table(record: &Record) -> String {
         record.gl_version,
         record.gl_platform,
         table.trim_fmt()
+    )
+}
+
+fn said_of_auto(auto: &Auto) -> String {
+    format!(
+        "\n\nauto ({} by {}, {} samples) takes {:.3} ms a sample [{:.3}, {:.3}], {:.1} Mrays/s: {:.1} [{:.1}, {:.1}] times as fast as {} on OpenGL with \
+         {:.3} ms.",
+        auto.method,
+        auto.passes,
+        auto.samples,
+        auto.ms_per_sample,
+        auto.ms_per_sample_ci95[0],
+        auto.ms_per_sample_ci95[1],
+        auto.mrays_per_s,
+        auto.times_as_fast,
+        auto.times_as_fast_ci95[0],
+        auto.times_as_fast_ci95[1],
+        auto.original,
+        auto.original_ms_per_sample,
     )
 }
 

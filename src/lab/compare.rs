@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::statistics::Median;
 use crate::error::Result;
 use crate::gl::TimerKind;
+use crate::layout::FRAME_SAMPLES;
 use crate::render::frames::Frames;
 
 /// What two images differ by.
@@ -33,6 +34,64 @@ pub struct Row {
     pub ratio_ci95: [f64; 2],
     #[serde(flatten)]
     pub difference: Difference,
+}
+
+/// What the default choices take for many samples of the same picture, beside the fastest of the original's methods on OpenGL.
+#[derive(Clone, Debug, Serialize)]
+pub struct Auto {
+    pub method: String,
+    pub passes: String,
+    /// Ambient rays of a camera ray.
+    pub samples: u32,
+    /// Time of all kernels for each sample of the picture, its camera ray's part included.
+    pub ms_per_sample: f64,
+    pub ms_per_sample_ci95: [f64; 2],
+    /// Camera and ambient rays over the time of all kernels.
+    pub mrays_per_s: f64,
+    /// The row that is compared with.
+    pub original: String,
+    /// A frame of it over its samples.
+    pub original_ms_per_sample: f64,
+    pub times_as_fast: f64,
+    /// From the ends of both intervals.
+    pub times_as_fast_ci95: [f64; 2],
+}
+
+/// A render by the default choices.
+pub struct Render {
+    pub samples: u32,
+    /// All kernels.
+    pub gpu_ms: f64,
+    pub rays: u64,
+}
+
+impl Auto {
+    /// None without a render or a row to compare with.
+    pub fn beside<'a>(
+        rows: impl Iterator<Item = &'a Row>,
+        renders: &[Render],
+        [method, passes]: [String; 2],
+    ) -> Option<Self> {
+        let original = rows.min_by(|a, b| a.gl_ms_median.total_cmp(&b.gl_ms_median))?;
+        let per_sample = |render: &Render| render.gpu_ms / f64::from(render.samples.max(1));
+        let Median { median, ci95: [low, high] } =
+            Median::of(&renders.iter().map(per_sample).collect::<Vec<_>>())?;
+        let of_frame = |ms: f64| ms / f64::from(FRAME_SAMPLES);
+        let [gl_low, gl_high] = original.gl_ms_ci95.map(of_frame);
+        let first = renders.first()?;
+        Some(Self {
+            method,
+            passes,
+            samples: first.samples,
+            ms_per_sample: median,
+            ms_per_sample_ci95: [low, high],
+            mrays_per_s: first.rays as f64 / (median * f64::from(first.samples)) / 1e3,
+            original: original.method.clone(),
+            original_ms_per_sample: of_frame(original.gl_ms_median),
+            times_as_fast: of_frame(original.gl_ms_median) / median,
+            times_as_fast_ci95: [gl_low / high, gl_high / low],
+        })
+    }
 }
 
 /// The images of a row: mean and share of hits, row by row from the top.
@@ -107,5 +166,39 @@ fn difference(images: &Images) -> Difference {
         // Bytes that are next to each other are 1/255 apart, give or take the rounding of that.
         pixels_different: differences().filter(|&difference| difference > 1.001 / 255.0).count(),
         max_difference: differences().fold(0.0, f32::max),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(method: &str, gl_ms: f64) -> Row {
+        Row {
+            method: method.into(),
+            frames: 8,
+            gl_ms_median: gl_ms,
+            gl_ms_ci95: [0.9 * gl_ms, 1.2 * gl_ms],
+            gl_timer: TimerKind::Wall,
+            vk_ms_median: 1.0,
+            vk_ms_ci95: [1.0; 2],
+            ratio: 1.0,
+            ratio_ci95: [1.0; 2],
+            difference: Difference { pixels_different: 0, max_difference: 0.0 },
+        }
+    }
+
+    #[test]
+    fn a_sample_is_a_quarter_of_the_original_s_fastest_frame() {
+        let rows = [row("stack64", 480.0), row("threaded", 400.0)];
+        let renders = [60.0, 64.0, 80.0].map(|gpu_ms| Render { samples: 64, gpu_ms, rays: 128_000 });
+        let names = || ["bundle".to_string(), "split".to_string()];
+        let auto = Auto::beside(rows.iter(), &renders, names()).unwrap();
+        assert_eq!((auto.original.as_str(), auto.original_ms_per_sample), ("threaded", 100.0));
+        assert_eq!((auto.ms_per_sample, auto.times_as_fast, auto.mrays_per_s), (1.0, 100.0, 2.0));
+        assert_eq!(auto.ms_per_sample_ci95, [60.0 / 64.0, 1.25]);
+        assert_eq!(auto.times_as_fast_ci95, [90.0 / 1.25, 120.0 / (60.0 / 64.0)]);
+        assert!(Auto::beside([].iter(), &renders, names()).is_none());
+        assert!(Auto::beside(rows.iter(), &[], names()).is_none());
     }
 }
