@@ -25,7 +25,7 @@ pub enum NodeLayout {
     Pair,
     /// The same by their centres.
     Centred,
-    /// The same in less room: what kernels for `Centred` are given of large scenes.
+    /// The same in less room: what kernels for `Centred` are given where caches count for more than operations.
     Compact,
     /// Eight compressed children.
     Wide,

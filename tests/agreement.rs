@@ -255,25 +255,26 @@ fn compact_nodes_count_the_same_rays() {
             // Any two of them together on maison, each of them on the others.
             let places = (0..9).map(|place| [place / 3, place % 3, (place / 3 + place) % 3]);
             for [a, b, c] in places.filter(|[a, b, _]| name == "maison" || a == b) {
-                let (passes, accessor, intersector) = (PASSES[a], ACCESSORS[b], INTERSECTORS[c]);
-                let method = [Method::Entry, Method::Postponed][(a + b) % 2];
-                let wishes = Wishes {
-                    method: Some(method),
-                    passes: Some(passes),
-                    accessor: Some(accessor),
-                    intersector: Some(intersector),
-                    ..Wishes::default()
-                };
-                let plan = common::plan(device, &scene, &geometry, job(&scene, SIZE, 0..16), wishes);
-                let [whole, compact] =
-                    [(0, NodeLayout::Centred), (1, NodeLayout::Compact)].map(|(compact, layout)| {
-                        let plan = plan.clone().with_constant(SPEC_COMPACT, compact);
-                        assert_eq!(plan.node_layout(), layout);
-                        run(device, &plan)
-                    });
-                let what = format!("{name}, {method}, {passes}, {accessor}, {intersector}");
-                assert!(whole.accumulated == compact.accumulated, "{what}");
-                assert_eq!((compact.overflowed_rays, compact.repeats), (0, 0), "{what}");
+                for method in [Method::Entry, Method::Postponed] {
+                    let (passes, accessor, intersector) = (PASSES[a], ACCESSORS[b], INTERSECTORS[c]);
+                    let wishes = Wishes {
+                        method: Some(method),
+                        passes: Some(passes),
+                        accessor: Some(accessor),
+                        intersector: Some(intersector),
+                        ..Wishes::default()
+                    };
+                    let plan = common::plan(device, &scene, &geometry, job(&scene, SIZE, 0..16), wishes);
+                    let [whole, compact] =
+                        [(0, NodeLayout::Centred), (1, NodeLayout::Compact)].map(|(compact, layout)| {
+                            let plan = plan.clone().with_constant(SPEC_COMPACT, compact);
+                            assert_eq!(plan.node_layout(), layout);
+                            run(device, &plan)
+                        });
+                    let what = format!("{name}, {method}, {passes}, {accessor}, {intersector}");
+                    assert!(whole.accumulated == compact.accumulated, "{what}");
+                    assert_eq!((compact.overflowed_rays, compact.repeats), (0, 0), "{what}");
+                }
             }
         }
     });
@@ -350,16 +351,22 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
         let few_split = Wishes { passes: Some(Passes::Split), ..few };
-        let scenes =
-            [("terrain", Some(3_200_000)), ("cornell", None), ("maison", None)].map(|(name, triangles)| {
-                let scene = scene_named(name, triangles);
-                let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
-                (name, geometry)
-            });
+        let scenes = [
+            ("large", "terrain", Some(3_200_000)),
+            ("terrain", "terrain", Some(800_000)),
+            ("cornell", "cornell", None),
+            ("maison", "maison", None),
+        ];
+        let scenes = scenes.map(|(label, name, triangles)| {
+            let scene = scene_named(name, triangles);
+            let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+            (label, geometry)
+        });
         for (name, wishes, method, passes) in [
-            ("terrain", few, Method::Wide, Passes::Single),
-            ("terrain", few_split, Method::Entry, Passes::Split),
-            ("terrain", Wishes::default(), Method::Entry, Passes::Split),
+            ("large", few, Method::Wide, Passes::Single),
+            ("large", few_split, Method::Entry, Passes::Split),
+            ("large", Wishes::default(), Method::Entry, Passes::Split),
+            ("terrain", few, Method::Entry, Passes::Single),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
             ("cornell", few, Method::Entry, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),

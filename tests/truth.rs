@@ -386,6 +386,25 @@ fn rays_from_far_away_lose_no_edge() {
             let expected = reference::trace_closest(&twin.inputs(&far), &rays);
             assert!(bits(&expected) == bits(&hits), "{method} differs from its twin");
         }
+        // Boxes that are tested by fused products are grown for where any-hit rays start.
+        for method in [Method::Entry, Method::Postponed] {
+            let wishes = Wishes {
+                method: Some(method),
+                intersector: Some(Intersector::Conservative),
+                ..Wishes::default()
+            };
+            let near = plan(device, &scene, &geometry, job(&scene, (8, 8), 0..1), wishes);
+            let lists = RayLists::new(device, &near).unwrap();
+            assert!(lists.trace(Query::Closest, &rays).is_ok(), "{method}");
+            let refused = lists.trace(Query::Any, &rays).map(|hits| hits.len());
+            let refused = refused.expect_err("rays from beyond the plan's reach");
+            assert!(refused.to_string().contains("was made for"), "{method}: {refused}");
+            let far = near.with_reach(reach);
+            let hits = RayLists::new(device, &far).unwrap().trace(Query::Any, &rays).unwrap();
+            assert!(hits.iter().all(|hit| hit.index != NO_HIT), "{method}: a ray got through");
+            let expected = reference::trace_any(&Twin::new(&far).inputs(&far), &rays);
+            assert!(bits(&expected) == bits(&hits), "{method} differs from its twin");
+        }
     });
 }
 

@@ -55,7 +55,7 @@ fn equal_walks_do_equal_work() {
             };
             assert!(any("packet", |p| p.any_visits) == any("ordered", |p| p.any_visits), "{name}");
             assert!(any("packet", |p| p.any_tests) == any("ordered", |p| p.any_tests), "{name}");
-            // Its boxes are grown a little more, so that now and then a leaf more is met.
+            // The boxes of `postponed` are grown a little more, so that now and then a leaf more is met.
             let (late, early) = (of_method(all, "postponed").any, of_method(all, "ordered").any);
             assert!(late.visits >= early.visits, "{name}");
             assert!((early.tests..=1.001 * early.tests).contains(&late.tests), "{name}");

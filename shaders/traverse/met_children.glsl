@@ -1,5 +1,5 @@
-// Which of a node's children any-hit rays go on to, whether its boxes are kept by their sides or by their centres. Twin: what ordered.rs and entry.rs
-// of src/reference/traverse/ give to children.rs.
+// Which of a node's children any-hit rays go on to, whether its boxes are kept by their sides or by their centres. Twin: `met_children` of
+// src/reference/traverse/grown.rs, and of pair nodes what ordered.rs gives to children.rs.
 
 #ifdef USES_ANY
 

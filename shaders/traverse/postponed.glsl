@@ -1,4 +1,4 @@
-// Nodes and stack as in ordered.glsl, but a lane that comes to a leaf keeps it and goes on through the tree, until half
+// A stack as in ordered.glsl, but a lane that comes to a leaf keeps it and goes on through the tree, until half
 // of the subgroup's rays need something else or none can go on; then all leaves are tested together (Aila and Laine,
 // "Understanding the Efficiency of Ray Traversal on GPUs", 2009, who wait until all have one). A lane that is through
 // with its ray takes the next one at that time, so none waits for the longest ray. Nodes are those of entry.glsl, and any hits test their boxes

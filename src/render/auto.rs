@@ -56,8 +56,8 @@ const WIDE_FROM: usize = 3_000_000;
 const BUNDLE_UP_TO_COST: f64 = 100.0;
 const BUNDLE_UP_TO: usize = 1_000_000;
 
-/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points at 64 samples: 1.2 times the
-/// rate of `entry` on the hairball, 0.6 to 0.8 on maison, bunny and terrain; since both read nodes alike 1.06 to 1.1 at 4 and 8 on the hairball).
+/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points: 1.2 times the rate of `entry` at 64 samples and 1.06 to 1.12 times at
+/// 4 and 8 on the hairball, of cost 189; 0.64 to 0.82 times at 64 on maison, bunny, arcade and terrain).
 const POSTPONED_FROM: f64 = 100.0;
 
 /// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against

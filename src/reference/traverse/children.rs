@@ -1,4 +1,4 @@
-//! What the methods on nodes with both children's boxes share. Twin of what shaders/traverse/pair.glsl and entry.glsl do with them.
+//! What the methods on nodes with both children's boxes share. Twin of what shaders/traverse/pair.glsl, left_first.glsl and entry.glsl do with them.
 
 use std::ops::RangeInclusive;
 
