@@ -373,7 +373,7 @@ fn rays_from_far_away_lose_no_edge() {
             let near = plan_decided(device, &scene, &geometry, job(&scene, (8, 8), 0..1), &decision);
             let refused = RayLists::new(device, &near).unwrap().trace(Query::Closest, &rays);
             assert!(refused.unwrap_err().to_string().contains("was made for"));
-            let far = near.with_reach(reach);
+            let far = near.with_reach(reach, false);
             // What the corners' shear is derived to need; it is the proof that needs it, for no ray here was seen to be lost
             // with the camera's pad: at a distance the slab test's own slack does as much.
             let needed = 17.0 * 2f64.powi(-24) * (f64::from(far.frame.largest) + reach);
@@ -399,7 +399,10 @@ fn rays_from_far_away_lose_no_edge() {
             let refused = lists.trace(Query::Any, &rays).map(|hits| hits.len());
             let refused = refused.expect_err("rays from beyond the plan's reach");
             assert!(refused.to_string().contains("was made for"), "{method}: {refused}");
-            let far = near.with_reach(reach);
+            // Closest hits need no larger boxes.
+            assert_eq!(near.clone().with_reach(reach, false).node_pad(), near.node_pad(), "{method}");
+            let far = near.with_reach(reach, true);
+            assert!(far.node_pad() > 100.0 * far.frame.box_pad, "{method}");
             let hits = RayLists::new(device, &far).unwrap().trace(Query::Any, &rays).unwrap();
             assert!(hits.iter().all(|hit| hit.index != NO_HIT), "{method}: a ray got through");
             let expected = reference::trace_any(&Twin::new(&far).inputs(&far), &rays);

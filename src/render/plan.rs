@@ -142,9 +142,11 @@ impl<'a> Plan<'a> {
     }
 
     /// For rays that start farther away than those of the plan's own render, lists of them: no coordinate of an origin
-    /// exceeds `reach`, device units. The watertight intersector, methods that fuse boxes and faces need to know.
-    pub fn with_reach(mut self, reach: f64) -> Self {
-        self.any_reach = self.any_reach.max(reach);
+    /// exceeds `reach`, device units. The watertight intersector, methods that fuse boxes (of rays that ask for any hit) and faces need to know.
+    pub fn with_reach(mut self, reach: f64, any_hits: bool) -> Self {
+        if any_hits {
+            self.any_reach = self.any_reach.max(reach);
+        }
         if reach > self.reach {
             self.reach = reach;
             if self.corners.is_some() {

@@ -98,8 +98,10 @@ pub fn measure(bench: &Bench<'_>, case: &Case<'_>, watch: &mut dyn Watch) -> Res
     };
     // They may start farther away than the camera.
     let reach = reach_of(&rays);
-    let planned: Vec<_> =
-        planned.into_iter().map(|row| Planned { plan: row.plan.with_reach(reach), ..row }).collect();
+    let planned: Vec<_> = planned
+        .into_iter()
+        .map(|row| Planned { plan: row.plan.with_reach(reach, row.query == Query::Any), ..row })
+        .collect();
     let mut list = List {
         bench,
         case,
@@ -225,7 +227,8 @@ impl List<'_> {
                 &built
             }
         };
-        let plan = plan_of(self.bench, self.case, &spec, geometry)?.with_reach(self.reach);
+        let plan =
+            plan_of(self.bench, self.case, &spec, geometry)?.with_reach(self.reach, query == Query::Any);
         let spans = self.spans(&plan, query)?;
         let set = self.set(&spans)?;
         let (mut frames, _) = self.retraced(&plan, &set, query)?;

@@ -74,7 +74,7 @@ impl Lab<'_> {
 
     /// What each ray meets.
     pub(super) fn trace(&self, plan: &Plan<'_>, query: Query, rays: &[RayRecord]) -> Result<Vec<HitRecord>> {
-        let plan = plan.clone().with_reach(reach_of(rays));
+        let plan = plan.clone().with_reach(reach_of(rays), query == Query::Any);
         RayLists::new(self.device, &plan)?.sharing(&self.compiled).trace(query, rays)
     }
 

@@ -290,7 +290,7 @@ impl Trap {
         let wishes = Wishes { method: what.method(geometry), passes, ..Wishes::default() };
         let job = Job { camera: self.camera, ..lab.job(&self.scene, lab.size, samples) };
         let reach = self.rays.iter().map(|rays| reach_of(rays)).fold(0.0, f64::max);
-        Ok(lab.plan(job, &self.scene, geometry, &wishes)?.with_reach(reach))
+        Ok(lab.plan(job, &self.scene, geometry, &wishes)?.with_reach(reach, true))
     }
 
     fn answers(&self, lab: &Lab<'_>, plan: &Plan<'_>) -> Result<Answers> {
