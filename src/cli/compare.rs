@@ -11,7 +11,7 @@ use super::args::{CameraArguments, size};
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
 use crate::gl::{Context, Preference, TimerKind};
-use crate::lab::compare::{Auto, Effort, Images, Render, Row, measure};
+use crate::lab::compare::{Auto, Effort, Images, Renders, Row, measure};
 use crate::render::auto;
 use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::execute;
@@ -147,46 +147,46 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if record.rows.is_empty() {
         return Err(Error::device("No method could be compared: see above."));
     }
-    super::tell("auto ...");
-    match beside_auto(arguments, &scene, &device, &record) {
-        Ok(auto) => {
-            record.auto = auto;
-            write_tables(&arguments.output, &record)?;
+    // The first form finds camera hits alone.
+    let compute: Vec<&Row> = record.rows.iter().filter(|row| row.method != fragment::NAME).collect();
+    if !compute.is_empty() {
+        super::tell("auto ...");
+        match render_auto(arguments, &scene, &device, record.size) {
+            Ok(renders) => {
+                record.auto = Auto::beside(&compute, renders);
+                write_tables(&arguments.output, &record)?;
+            }
+            Err(error) => super::tell(&format!("auto is left out: {error}")),
         }
-        Err(error) => super::tell(&format!("auto is left out: {error}")),
     }
     super::print(&table(&record))
 }
 
-/// Samples of the render by the default choices, and how often it is done.
+/// Samples of the render by the default choices, and how often it is done and measured.
 const AUTO_SAMPLES: u32 = 64;
 const AUTO_RENDERS: usize = 5;
 
-/// The default choices on the same picture.
-fn beside_auto(
-    arguments: &Arguments,
-    scene: &Scene,
-    device: &Device,
-    record: &Record,
-) -> Result<Option<Auto>> {
-    let job = job(arguments, scene, record.size, AUTO_SAMPLES)?;
+/// The same picture by the default choices.
+fn render_auto(arguments: &Arguments, scene: &Scene, device: &Device, size: [u32; 2]) -> Result<Renders> {
+    let job = job(arguments, scene, size, AUTO_SAMPLES)?;
     let wishes = job.wishes(&Wishes::default());
     let geometry = session::geometry(scene, &wishes)?;
     let decision = auto::decide(&wishes, &geometry, device.adapter());
     let plan = Plan::new(job, scene, &geometry, &decision, &device.adapter().limits)?;
-    let mut renders = Vec::new();
+    // A driver may compile kernels when they first run.
+    let first = execute::run(device, &plan, &mut |_| {})?;
+    let mut renders = Renders {
+        method: plan.settings.method.to_string(),
+        passes: plan.settings.passes.to_string(),
+        samples: AUTO_SAMPLES,
+        rays: first.primary_rays + first.ambient_rays,
+        gpu_ms: Vec::new(),
+    };
     for _ in 0..AUTO_RENDERS {
         let outcome = execute::run(device, &plan, &mut |_| {})?;
-        renders.push(Render {
-            samples: AUTO_SAMPLES,
-            gpu_ms: outcome.kernels.iter().map(|kernel| kernel.gpu_ms).sum(),
-            rays: outcome.primary_rays + outcome.ambient_rays,
-        });
+        renders.gpu_ms.push(outcome.kernels.iter().map(|kernel| kernel.gpu_ms).sum());
     }
-    // The first form finds camera hits alone.
-    let compute = record.rows.iter().filter(|row| row.method != fragment::NAME);
-    let names = [plan.settings.method.to_string(), plan.settings.passes.to_string()];
-    Ok(Auto::beside(compute, &renders, names))
+    Ok(renders)
 }
 
 fn job(arguments: &Arguments, scene: &Scene, [width, height]: [u32; 2], samples: u32) -> Result<Job> {

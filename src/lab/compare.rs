@@ -57,35 +57,33 @@ pub struct Auto {
     pub times_as_fast_ci95: [f64; 2],
 }
 
-/// A render by the default choices.
-pub struct Render {
+/// Renders of the picture by the default choices, all alike.
+pub struct Renders {
+    pub method: String,
+    pub passes: String,
     pub samples: u32,
-    /// All kernels.
-    pub gpu_ms: f64,
+    /// Of each of them.
     pub rays: u64,
+    /// Time of all kernels of each.
+    pub gpu_ms: Vec<f64>,
 }
 
 impl Auto {
     /// None without a render or a row to compare with.
-    pub fn beside<'a>(
-        rows: impl Iterator<Item = &'a Row>,
-        renders: &[Render],
-        [method, passes]: [String; 2],
-    ) -> Option<Self> {
-        let original = rows.min_by(|a, b| a.gl_ms_median.total_cmp(&b.gl_ms_median))?;
-        let per_sample = |render: &Render| render.gpu_ms / f64::from(render.samples.max(1));
-        let Median { median, ci95: [low, high] } =
-            Median::of(&renders.iter().map(per_sample).collect::<Vec<_>>())?;
+    pub fn beside(rows: &[&Row], renders: Renders) -> Option<Self> {
+        let Renders { method, passes, samples, rays, gpu_ms } = renders;
+        let original = rows.iter().min_by(|a, b| a.gl_ms_median.total_cmp(&b.gl_ms_median))?;
+        let per_sample: Vec<f64> = gpu_ms.iter().map(|ms| ms / f64::from(samples)).collect();
+        let Median { median, ci95: [low, high] } = Median::of(&per_sample)?;
         let of_frame = |ms: f64| ms / f64::from(FRAME_SAMPLES);
         let [gl_low, gl_high] = original.gl_ms_ci95.map(of_frame);
-        let first = renders.first()?;
         Some(Self {
             method,
             passes,
-            samples: first.samples,
+            samples,
             ms_per_sample: median,
             ms_per_sample_ci95: [low, high],
-            mrays_per_s: first.rays as f64 / (median * f64::from(first.samples)) / 1e3,
+            mrays_per_s: rays as f64 / (median * f64::from(samples)) / 1e3,
             original: original.method.clone(),
             original_ms_per_sample: of_frame(original.gl_ms_median),
             times_as_fast: of_frame(original.gl_ms_median) / median,
@@ -191,14 +189,20 @@ mod tests {
     #[test]
     fn a_sample_is_a_quarter_of_the_original_s_fastest_frame() {
         let rows = [row("stack64", 480.0), row("threaded", 400.0)];
-        let renders = [60.0, 64.0, 80.0].map(|gpu_ms| Render { samples: 64, gpu_ms, rays: 128_000 });
-        let names = || ["bundle".to_string(), "split".to_string()];
-        let auto = Auto::beside(rows.iter(), &renders, names()).unwrap();
+        let renders = |gpu_ms: &[f64]| Renders {
+            method: "bundle".into(),
+            passes: "split".into(),
+            samples: 64,
+            rays: 128_000,
+            gpu_ms: gpu_ms.to_vec(),
+        };
+        let rows: Vec<&Row> = rows.iter().collect();
+        let auto = Auto::beside(&rows, renders(&[60.0, 64.0, 80.0])).unwrap();
         assert_eq!((auto.original.as_str(), auto.original_ms_per_sample), ("threaded", 100.0));
         assert_eq!((auto.ms_per_sample, auto.times_as_fast, auto.mrays_per_s), (1.0, 100.0, 2.0));
         assert_eq!(auto.ms_per_sample_ci95, [60.0 / 64.0, 1.25]);
         assert_eq!(auto.times_as_fast_ci95, [90.0 / 1.25, 120.0 / (60.0 / 64.0)]);
-        assert!(Auto::beside([].iter(), &renders, names()).is_none());
-        assert!(Auto::beside(rows.iter(), &[], names()).is_none());
+        assert!(Auto::beside(&[], renders(&[60.0])).is_none());
+        assert!(Auto::beside(&rows, renders(&[])).is_none());
     }
 }

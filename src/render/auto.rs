@@ -42,8 +42,8 @@ const EDGES_FOR_COST: f64 = 9.5;
 /// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
 /// 0.74 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
-/// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and stadium, `split` has 0.76 to
-/// 1.06 times the rate of `single` at 4, 0.97 to 1.27 times at 8, 0.97 to 1.48 times on the first three at 16).
+/// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and stadium, `split` has 0.74 to
+/// 1.06 times the rate of `single` at 4, 0.88 (arcade) to 1.27 times at 8, 0.97 to 1.48 times on the first three at 16).
 const SPLIT_FROM_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times

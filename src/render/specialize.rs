@@ -78,7 +78,7 @@ const COMPACT_FROM: u64 = 24 << 20;
 /// The same where caches count for more: where one kernel does all of a pixel, whose rays part sooner (there, with `entry` at 4 samples: 1.13 times the rate
 /// with 70,000 triangles, 1.09 to 1.15 with 260,000, 0.96 with 5,456), ...
 const COMPACT_FROM_IN_ONE: u64 = 2 << 20;
-/// ... and from this SAH cost on, where rays visit many nodes (there, at 64 samples on the hairball of 770,000 triangles, of cost 189: 1.09 times with `entry`, 1.07 with
+/// ... and from this SAH cost on, where rays visit many nodes (there, at 64 samples on the hairball of 770,000 triangles, of cost 189: 1.08 times with `entry`, 1.07 with
 /// `postponed`; of cost 58, 0.94 times with `postponed`).
 const COMPACT_FROM_COST: f64 = 100.0;
 
