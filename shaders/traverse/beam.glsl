@@ -13,19 +13,12 @@ struct Bounds {
     vec3 high;
 };
 
-// Integers that compare as the floats do, and back: GPUs reduce integers over a subgroup at once.
-ivec3 comparable(vec3 x) {
-    ivec3 bits = floatBitsToInt(x);
-    return bits ^ ((bits >> 31) & 0x7fffffff);
-}
-
-vec3 from_comparable(ivec3 bits) { return intBitsToFloat(bits ^ ((bits >> 31) & 0x7fffffff)); }
-
-// Of all lanes' bounds; those that do not take part may have any.
+// Of all lanes' bounds; those that do not take part may have any. As floats: reductions of integers, which an H100 has an instruction for,
+// gave bounds of some lanes alone in one of two kernels (docs/measurements.md).
 Bounds bounds_together(Bounds own, bool takes_part) {
-    ivec3 low = comparable(takes_part ? own.low : vec3(NOWHERE));
-    ivec3 high = comparable(takes_part ? own.high : vec3(-NOWHERE));
-    return Bounds(from_comparable(subgroupMin(low)), from_comparable(subgroupMax(high)));
+    vec3 low = takes_part ? own.low : vec3(NOWHERE);
+    vec3 high = takes_part ? own.high : vec3(-NOWHERE);
+    return Bounds(subgroupMin(low), subgroupMax(high));
 }
 
 struct Beam {

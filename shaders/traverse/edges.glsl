@@ -246,12 +246,10 @@ void run_together() {
     Bounds own = own_bounds(0u, header.first);
     subgroupBarrier();
     Bounds starts = bounds_together(Bounds(edge_start, edge_start), any_left());
-    uint begin = block_begin();
-    uint end = subgroupMax(any_left() ? sample_end : 0u);
-    uint samples = end > begin ? end - begin : 0u;
-    for (uint done = 0u; done < samples; done += RAYS) {
-        if (!subgroupAny(sample_next - begin < done + RAYS)) continue;
-        uint first_id = begin + done;
+    bool takes_part = any_left();
+    uint first_id = block_begin();
+    for (; subgroupAny(takes_part && first_id < sample_end); first_id += RAYS) {
+        if (!subgroupAny(takes_part && sample_next < first_id + RAYS)) continue;
         uint wants = 0u;
         EACH_RAY(TAKE)
         Bounds bounds = Bounds(directions[0], directions[0]);
