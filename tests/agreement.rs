@@ -9,7 +9,9 @@ use cousu::bvh::Builder;
 use cousu::kernels::NodeLayout;
 use cousu::layout::SPEC_COMPACT;
 use cousu::render::auto::{self, Decision};
-use cousu::render::choices::{Accessor, Accumulator, Intersector, Method, Passes, Preset, Sampler, Wishes};
+use cousu::render::choices::{
+    Accessor, Accumulator, Covered, Intersector, Method, Passes, Preset, Sampler, Wishes,
+};
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
 use cousu::render::raylist::{Query, RayLists};
@@ -345,6 +347,11 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let mut gpu = device.adapter().clone();
         gpu.kind = DeviceKind::Discrete;
         let few = Wishes { samples: Some(4), ..Wishes::default() };
+        let fewer = Wishes { samples: Some(3), ..Wishes::default() };
+        let covered = |camera_rays, percent| Some(Covered { camera_rays, percent });
+        let full = Wishes { samples: Some(8), covered: covered(260_000, 40), ..Wishes::default() };
+        let narrow = Wishes { covered: covered(260_000, 20), ..full };
+        let small = Wishes { covered: covered(26_000, 40), ..full };
         let bounded = Wishes { bounded: true, ..Wishes::default() };
         let moller = Wishes { intersector: Some(Intersector::Moller), ..Wishes::default() };
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..Wishes::default() };
@@ -352,14 +359,17 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
         let few_split = Wishes { passes: Some(Passes::Split), ..few };
         let scenes = [
-            ("large", "terrain", Some(3_200_000)),
-            ("terrain", "terrain", Some(800_000)),
-            ("cornell", "cornell", None),
-            ("maison", "maison", None),
+            ("large", "terrain", Some(3_200_000), Builder::Midpoint),
+            ("terrain", "terrain", Some(800_000), Builder::Midpoint),
+            ("cornell", "cornell", None, Builder::Midpoint),
+            ("maison", "maison", None, Builder::Midpoint),
+            // Of SAH costs 115 and 80.
+            ("hairball", "hairball", Some(20_000), Builder::Midpoint),
+            ("tidy hairball", "hairball", Some(20_000), Builder::Sah),
         ];
-        let scenes = scenes.map(|(label, name, triangles)| {
+        let scenes = scenes.map(|(label, name, triangles, builder)| {
             let scene = scene_named(name, triangles);
-            let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+            let geometry = Geometry::build(&scene, true, builder, &|_| {}).expect("a tree");
             (label, geometry)
         });
         for (name, wishes, method, passes) in [
@@ -374,6 +384,17 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("cornell", lcg, Method::Entry, Passes::Split),
             ("maison", Wishes::default(), Method::Entry, Passes::Split),
             ("maison", few, Method::Entry, Passes::Single),
+            ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
+            ("hairball", few, Method::Postponed, Passes::Split),
+            ("hairball", fewer, Method::Postponed, Passes::Single),
+            ("tidy hairball", few, Method::Entry, Passes::Split),
+            ("tidy hairball", fewer, Method::Entry, Passes::Single),
+            ("maison", full, Method::Entry, Passes::Single),
+            ("maison", Wishes { samples: Some(16), ..full }, Method::Entry, Passes::Split),
+            ("maison", narrow, Method::Entry, Passes::Split),
+            ("maison", small, Method::Entry, Passes::Split),
+            ("maison", Wishes { covered: None, ..full }, Method::Entry, Passes::Split),
+            ("tidy hairball", full, Method::Entry, Passes::Split),
             ("cornell", brute_moller, Method::Brute, Passes::Single),
             ("cornell", brute, Method::Brute, Passes::Split),
         ] {

@@ -315,6 +315,8 @@ fn the_commands_that_tell() {
     }
     let plan = succeeds(&["plan", MAISON]);
     assert!((plan.contains("bundle") || plan.contains("wide")) && plan.contains("robust"), "{plan}");
+    succeeds(&["plan", MAISON, "--spp", "8", "--size", "64x40", "--orbit", "0,90"]);
+    fails(&["plan", MAISON, "--size", "64"], 2, "--size");
     fails(&["plan", MAISON, "--method", "stack8"], 2, "stack8 can overflow");
     let by_address = ["plan", MAISON, "--accessor", "address", "--method"];
     assert!(succeeds(&[&by_address[..], &["entry"]].concat()).contains("address"));

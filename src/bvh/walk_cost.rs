@@ -116,7 +116,7 @@ impl<'a> AmbientRays<'a> {
         }
         let points =
             picked.into_par_iter().filter_map(|(number, triangle)| rays_from(triangle, number, offset));
-        Some(Self { triangles, points: points.collect(), pad: largest * 2f32.powi(-21) })
+        Some(Self { triangles, points: points.collect(), pad: pad_of(&all) })
     }
 
     /// What the rays cost in a tree of these triangles, from the points that light from outside may reach; none without rays.
@@ -141,37 +141,64 @@ impl<'a> AmbientRays<'a> {
         (sums.points > 0).then(|| WalkCost { visits: mean(sums.visits), tests: mean(sums.tests) })
     }
 
-    /// Any hit as `ordered` finds it: of two children that are met the larger one first. A ray that takes [`MOST_STEPS`] counts as
-    /// occluded.
     fn walk(&self, tree: &Tree, ray: &Ray, stack: &mut Vec<u32>) -> Walk {
-        let mut walk = Walk::default();
-        stack.clear();
-        stack.extend(tree.nodes.len().checked_sub(1).map(|root| root as u32));
-        while let Some(index) = stack.pop() {
-            if walk.visits + walk.tests >= MOST_STEPS {
-                return Walk { occluded: true, ..walk };
+        walk(tree, |place| &self.triangles[tree.order[place] as usize], self.pad, ray, stack)
+    }
+}
+
+/// Part of the rays, each an origin and a direction, that meet a triangle, in [0, 1]; 0 if there are none. `triangles`: in the
+/// order of the tree's leaves. A ray that takes [`MOST_STEPS`] counts as one that does.
+pub fn part_that_meets(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)]) -> f64 {
+    let Some(root) = tree.nodes.last() else { return 0.0 };
+    let pad = pad_of(&root.bounds);
+    let meets = |stack: &mut Vec<u32>, &(origin, direction): &(Vec3, Vec3)| {
+        walk(tree, |place| &triangles[place], pad, &Ray::new(origin, direction), stack).occluded
+    };
+    let met = rays.par_iter().map_init(Vec::new, meets).filter(|&meets| meets).count();
+    met as f64 / rays.len().max(1) as f64
+}
+
+/// By how much boxes are grown, as those of robust slabs.
+fn pad_of(all: &Aabb) -> f32 {
+    all.min.abs().max(all.max.abs()).max_element() * 2f32.powi(-21)
+}
+
+/// Any hit as `ordered` finds it: of two children that are met the larger one first. A ray that takes [`MOST_STEPS`] counts as
+/// occluded. `triangle`: that of a place in the tree's order.
+fn walk<'a>(
+    tree: &Tree,
+    triangle: impl Fn(usize) -> &'a Triangle,
+    pad: f32,
+    ray: &Ray,
+    stack: &mut Vec<u32>,
+) -> Walk {
+    let mut walk = Walk::default();
+    stack.clear();
+    stack.extend(tree.nodes.len().checked_sub(1).map(|root| root as u32));
+    while let Some(index) = stack.pop() {
+        if walk.visits + walk.tests >= MOST_STEPS {
+            return Walk { occluded: true, ..walk };
+        }
+        match tree.nodes[index as usize].content {
+            Content::Inner { left, right } => {
+                walk.visits += 1;
+                let [a, b] = [left, right].map(|child| &tree.nodes[child as usize].bounds);
+                let swapped = b.half_area() > a.half_area();
+                let pair = if swapped { [(left, a), (right, b)] } else { [(right, b), (left, a)] };
+                let met = pair.into_iter().filter(|(_, bounds)| ray.meets_box(bounds, pad));
+                stack.extend(met.map(|(child, _)| child));
             }
-            match tree.nodes[index as usize].content {
-                Content::Inner { left, right } => {
-                    walk.visits += 1;
-                    let [a, b] = [left, right].map(|child| &tree.nodes[child as usize].bounds);
-                    let swapped = b.half_area() > a.half_area();
-                    let pair = if swapped { [(left, a), (right, b)] } else { [(right, b), (left, a)] };
-                    let met = pair.into_iter().filter(|(_, bounds)| ray.meets_box(bounds, self.pad));
-                    stack.extend(met.map(|(child, _)| child));
-                }
-                Content::Leaf { first, count } => {
-                    for &place in &tree.order[first as usize..(first + count) as usize] {
-                        walk.tests += 1;
-                        if ray.meets(&self.triangles[place as usize]) {
-                            return Walk { occluded: true, ..walk };
-                        }
+            Content::Leaf { first, count } => {
+                for place in first as usize..(first + count) as usize {
+                    walk.tests += 1;
+                    if ray.meets(triangle(place)) {
+                        return Walk { occluded: true, ..walk };
                     }
                 }
             }
         }
-        walk
     }
+    walk
 }
 
 /// 0 where it is not finite.
@@ -191,9 +218,7 @@ fn rays_from(triangle: &Triangle, number: u64, offset: f32) -> Option<[Ray; RAYS
     let origin = a + u * ab + v * ac + offset * normal.as_vec3();
     let mut rays = [Ray { origin, direction: Vec3::ZERO, inverse: Vec3::ZERO }; RAYS_OF_POINT];
     for (place, ray) in rays.iter_mut().enumerate() {
-        ray.direction = ambient_direction(normal, number, 4 + 63 * place as u64)?;
-        // No division by zero.
-        ray.inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-20 { 1e-20 } else { d });
+        *ray = Ray::new(origin, ambient_direction(normal, number, 4 + 63 * place as u64)?);
     }
     Some(rays)
 }
@@ -212,6 +237,12 @@ fn ambient_direction(normal: DVec3, number: u64, dimension: u64) -> Option<Vec3>
 }
 
 impl Ray {
+    fn new(origin: Vec3, direction: Vec3) -> Self {
+        // No division by zero.
+        let inverse = 1.0 / direction.map(|d| if d.abs() < 1e-20 { 1e-20 } else { d });
+        Self { origin, direction, inverse }
+    }
+
     fn meets_box(&self, bounds: &Aabb, pad: f32) -> bool {
         let one = (bounds.min - pad - self.origin) * self.inverse;
         let other = (bounds.max + pad - self.origin) * self.inverse;

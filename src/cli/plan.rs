@@ -5,25 +5,30 @@ use std::path::PathBuf;
 use clap::Args;
 use comfy_table::{Table, presets};
 
-use super::args::{ChoiceArguments, distance};
+use super::args::{CameraArguments, ChoiceArguments, distance, size};
 use super::render::DEFAULT_SPP;
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
-use crate::render::auto;
-use crate::render::choices::Wishes;
-use crate::render::plan::kernels_of;
+use crate::render::plan::{Job, kernels_of};
+use crate::render::rounds::Goal;
+use crate::render::{auto, coverage};
 use crate::scene::Scene;
 
 #[derive(Args)]
 pub struct Arguments {
     /// The scene, a Wavefront OBJ file
     scene: PathBuf,
+    /// Width and height of the picture in pixels
+    #[arg(long, value_name = "WxH", value_parser = size, default_value = "1024x640")]
+    size: (u32, u32),
     /// Ambient rays of each camera ray that hits, as for render; of its --antialias J, a J-th of the pixel's
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
     /// Bounded ambient occlusion, as for render
     #[arg(long, value_name = "D", value_parser = distance)]
     max_distance: Option<f64>,
+    #[command(flatten)]
+    camera: CameraArguments,
     #[command(flatten)]
     choices: ChoiceArguments,
     #[command(flatten)]
@@ -33,12 +38,20 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let (_instance, adapter) = session::adapter(&arguments.device)?;
-    let wishes = Wishes {
-        samples: Some(arguments.spp),
-        bounded: arguments.max_distance.is_some(),
-        ..arguments.choices.wishes().on(adapter.kind)
+    let job = Job {
+        camera: arguments.camera.camera(&scene, arguments.choices.preset)?,
+        size: arguments.size,
+        samples: 0..arguments.spp,
+        seed: 0,
+        max_distance: arguments.max_distance,
+        jitters: 1,
+        adaptive: false,
+        goal: Goal::Samples,
+        block: None,
     };
+    let wishes = job.wishes(&arguments.choices.wishes().on(adapter.kind));
     let geometry = session::geometry(&scene, &wishes)?;
+    let wishes = coverage::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
     let decision = auto::decide(&wishes, &geometry, &adapter);
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);

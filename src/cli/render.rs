@@ -11,13 +11,13 @@ use super::progress::Meter;
 use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result, joined};
 use crate::layout::FRAME_SAMPLES;
-use crate::render::auto;
 use crate::render::execute;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::rounds::{Goal, MOST_SAMPLES};
 use crate::render::spans::{Span, Spans};
 use crate::render::work::count_work;
+use crate::render::{auto, coverage};
 use crate::report::atomic::{Output, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::png::Encoding;
@@ -236,6 +236,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let begin = Instant::now();
+    let wishes = coverage::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
     let decision = auto::decide(&wishes, &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;

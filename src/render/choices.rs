@@ -202,6 +202,15 @@ pub struct Settings {
     pub slabs: Slabs,
 }
 
+/// How much of a picture the scene covers, about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Covered {
+    /// Camera rays that meet the scene.
+    pub camera_rays: u64,
+    /// Of all.
+    pub percent: u32,
+}
+
 /// Choices made on the command line; the rest is the preset's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wishes {
@@ -216,6 +225,8 @@ pub struct Wishes {
     pub slabs: Option<Slabs>,
     /// Ambient rays of a camera ray, if it is known how many there will be.
     pub samples: Option<u32>,
+    /// What is known of the picture.
+    pub covered: Option<Covered>,
     /// Ambient rays have an end.
     pub bounded: bool,
     pub accessor: Option<Accessor>,

@@ -7,6 +7,7 @@ pub mod builder;
 mod check;
 pub mod choices;
 pub mod clock;
+pub mod coverage;
 pub mod execute;
 pub mod frames;
 pub mod geometry;

@@ -5,7 +5,6 @@ use crate::error::Result;
 use crate::lab::interleave::{Variant, interleave};
 use crate::lab::scenes::usual_job;
 use crate::layout::{FRAME_SAMPLES, HitRecord, RayRecord};
-use crate::render::auto;
 use crate::render::builder::choose_builder;
 use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::execute::{self, Outcome};
@@ -13,6 +12,7 @@ use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::raylist::{Query, RayLists, reach_of};
+use crate::render::{auto, coverage};
 use crate::scene::Scene;
 
 /// The method, a stack as deep as this tree needs.
@@ -60,7 +60,8 @@ impl Lab<'_> {
         wishes: &Wishes,
     ) -> Result<Plan<'g>> {
         let adapter = self.device.adapter();
-        let decision = auto::decide(&job.wishes(wishes), geometry, adapter);
+        let wishes = coverage::wishes_for(&job, wishes, scene, geometry, adapter.kind);
+        let decision = auto::decide(&wishes, geometry, adapter);
         Plan::new(job, scene, geometry, &decision, &adapter.limits)
     }
 
