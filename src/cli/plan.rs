@@ -6,11 +6,11 @@ use clap::Args;
 use comfy_table::{Table, presets};
 
 use super::args::{CameraArguments, ChoiceArguments, distance, size};
-use super::render::DEFAULT_SPP;
+use super::render::{DEFAULT_SPP, samples_of_camera_ray};
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
-use crate::render::plan::{Job, kernels_of};
-use crate::render::rounds::Goal;
+use crate::render::plan::{Job, Plan};
+use crate::render::rounds::{Goal, MOST_SAMPLES};
 use crate::render::{auto, coverage};
 use crate::scene::Scene;
 
@@ -21,9 +21,12 @@ pub struct Arguments {
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", value_parser = size, default_value = "1024x640")]
     size: (u32, u32),
-    /// Ambient rays of each camera ray that hits, as for render; of its --antialias J, a J-th of the pixel's
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Ambient rays of each pixel whose camera ray hits, as for render
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
     spp: u32,
+    /// Camera rays of a pixel, as for render
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=1024), default_value = "1")]
+    antialias: u32,
     /// Bounded ambient occlusion, as for render
     #[arg(long, value_name = "D", value_parser = distance)]
     max_distance: Option<f64>,
@@ -41,10 +44,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let job = Job {
         camera: arguments.camera.camera(&scene, arguments.choices.preset)?,
         size: arguments.size,
-        samples: 0..arguments.spp,
+        samples: 0..samples_of_camera_ray(arguments.spp, arguments.antialias)?,
         seed: 0,
         max_distance: arguments.max_distance,
-        jitters: 1,
+        jitters: arguments.antialias,
         adaptive: false,
         goal: Goal::Samples,
         block: None,
@@ -78,6 +81,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         table.trim_fmt()
     ))?;
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
-    let kernels = kernels_of(&decision.settings, decision.accessor)?;
-    kernels.iter().try_for_each(|kernel| auto::check_subgroup(kernel, &adapter))
+    let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;
+    plan.kernels.iter().try_for_each(|kernel| auto::check_subgroup(kernel, &adapter))
 }

@@ -159,6 +159,17 @@ impl Outputs {
 /// Ambient rays of a pixel, if nothing else is asked for.
 pub(super) const DEFAULT_SPP: u32 = 64;
 
+/// Ambient rays of each of a pixel's camera rays.
+pub(super) fn samples_of_camera_ray(spp: u32, jitters: u32) -> Result<u32> {
+    if !spp.is_multiple_of(jitters) {
+        return Err(Error::usage(format!(
+            "--spp {spp} does not deal out evenly among the {jitters} camera rays of --antialias: choose a multiple \
+             of {jitters}."
+        )));
+    }
+    Ok(spp / jitters)
+}
+
 fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
     let jitters = arguments.antialias;
     let goal = match (arguments.target_rmse, arguments.time) {
@@ -167,12 +178,6 @@ fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
         (None, None) => Goal::Samples,
     };
     let spp = match (goal, arguments.spp) {
-        (Goal::Samples, Some(spp)) if !spp.is_multiple_of(jitters) => {
-            return Err(Error::usage(format!(
-                "--spp {spp} does not deal out evenly among the {jitters} camera rays of --antialias: choose a multiple \
-                 of {jitters}."
-            )));
-        }
         (Goal::Samples, Some(spp)) => spp,
         // Two rays at least of each camera ray, so that the error can be told; whole frames of the original.
         (Goal::Samples, None) => DEFAULT_SPP.max(2 * jitters).next_multiple_of(jitters * FRAME_SAMPLES),
@@ -181,7 +186,7 @@ fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
     Ok(Job {
         camera,
         size: arguments.size,
-        samples: 0..spp / jitters,
+        samples: 0..samples_of_camera_ray(spp, jitters)?,
         seed: arguments.seed,
         max_distance: arguments.max_distance,
         jitters,

@@ -47,15 +47,19 @@ const MANY_SAMPLES: u32 = 8;
 const SPLIT_FROM_SAMPLES: u32 = 8;
 /// The same from this SAH cost on, where rays take so long that a second kernel's own time counts for little (there, at 4 samples `split` has 1.34 times the
 /// rate of `single` with `entry` on a hairball of 50,000 triangles and cost 86, 1.03 to 1.13 times with `postponed` on larger ones and 1.07 times on a heap of
-/// triangles, of costs 117 to 189; with `entry` 0.78 and 0.77 times on trees of leaves and on the arcade of a million triangles, of costs 61 and 62).
+/// triangles, of costs 117 to 189; with `entry` 0.78 and 0.77 times on trees of leaves and on the arcade of a million triangles, of costs 61 and 62, but 1.31 times on a
+/// hairball of 5,000 triangles and cost 55, which covers little of the picture).
 const SPLIT_SOONER_FROM_COST: f64 = 75.0;
 const SPLIT_SOONER_FROM_SAMPLES: u32 = 4;
 /// From so many camera rays that meet the scene on, and so much of the picture, one kernel keeps a GPU busy up to [`SPLIT_FROM_FULL`] samples and spares it the wait for
-/// the last camera ray (there, at 8 samples and 1024x640, `single` has 1.05 to 1.19 times the rate of `split` on four of five scenes that cover more, 0.96 times on the fifth, an
-/// arcade of 20,000 triangles; 0.63 to 1.22 times on those that cover less; at 16, 0.99 to 1.02 times on a room and a terrain that cover 100 and 40%).
+/// the last camera ray (there, with `entry` at 8 samples and 1024x640, `single` has 1.05 to 1.19 times the rate of `split` on four of five scenes that cover more, 0.96 times on the fifth, an
+/// arcade of 20,000 triangles; 0.63 to 1.22 times on those that cover less; at 16, 0.99 to 1.02 times on a room and a terrain that cover 100 and 40%). The number is what that card has under
+/// way at a time, 132 processors of 32 subgroups; other sizes of pictures were not measured.
 const FULL_CAMERA_RAYS: u64 = 144_000;
 const FULL_PERCENT: u32 = 30;
 const SPLIT_FROM_FULL: u32 = 16;
+/// Samples of a camera ray for which that matters.
+pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_FROM_FULL;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
 /// on the arcade of 260,000).
@@ -268,24 +272,36 @@ fn choose_passes(
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Entry | Method::Postponed if in_one_kernel(wishes, geometry) => {
-            (Passes::Single, "few rays of a pixel are done soonest where the camera ray was")
-        }
-        Method::Ordered | Method::Entry | Method::Postponed => {
-            (Passes::Split, "ambient rays of few pixels would hold up the others")
-        }
+        Method::Ordered | Method::Entry | Method::Postponed => cut_by_rays(wishes, geometry),
         _ => (Passes::Single, "one kernel does all of a pixel"),
     }
 }
 
-/// Whether a pixel has so few rays that a second kernel does not pay on a GPU.
-fn in_one_kernel(wishes: &Wishes, geometry: &Geometry) -> bool {
-    let takes_long = || geometry.quality().sah_cost >= SPLIT_SOONER_FROM_COST;
+/// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
+fn cut_by_rays(wishes: &Wishes, geometry: &Geometry) -> (Passes, &'static str) {
+    let few = (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
+    if wishes.fewer_samples(SPLIT_SOONER_FROM_SAMPLES) {
+        return few;
+    }
     let full = wishes
         .covered
         .is_some_and(|covered| covered.camera_rays >= FULL_CAMERA_RAYS && covered.percent >= FULL_PERCENT);
-    let most = if full { SPLIT_FROM_FULL } else { SPLIT_FROM_SAMPLES };
-    wishes.fewer_samples(SPLIT_SOONER_FROM_SAMPLES) || (wishes.fewer_samples(most) && !takes_long())
+    if !wishes.fewer_samples(if full { SPLIT_FROM_FULL } else { SPLIT_FROM_SAMPLES }) {
+        return (Passes::Split, "ambient rays of few pixels would hold up the others");
+    }
+    if geometry.quality().sah_cost >= SPLIT_SOONER_FROM_COST {
+        return (
+            Passes::Split,
+            "rays take so long in this tree that a second kernel's own time counts for little",
+        );
+    }
+    if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
+        return few;
+    }
+    (
+        Passes::Single,
+        "a large, well covered picture keeps a GPU busy, and no kernel waits for the last camera ray",
+    )
 }
 
 /// The feature of a device whose kernels may read by address.
