@@ -350,9 +350,9 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let fewer = Wishes { samples: Some(3), ..Wishes::default() };
         let covered = |camera_rays, percent| Some(Covered { camera_rays, percent });
         let full = Wishes { samples: Some(8), covered: covered(260_000, 40), ..Wishes::default() };
-        let just_full = Wishes { covered: covered(144_000, 30), ..full };
-        let narrow = Wishes { covered: covered(144_000, 29), ..full };
-        let small = Wishes { covered: covered(143_999, 30), ..full };
+        let just_full = Wishes { covered: covered(196_608, 30), ..full };
+        let narrow = Wishes { covered: covered(196_608, 29), ..full };
+        let small = Wishes { covered: covered(196_607, 30), ..full };
         let bounded = Wishes { bounded: true, ..Wishes::default() };
         let moller = Wishes { intersector: Some(Intersector::Moller), ..Wishes::default() };
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..Wishes::default() };

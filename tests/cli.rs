@@ -318,8 +318,12 @@ fn the_commands_that_tell() {
     succeeds(&["plan", MAISON, "--spp", "8", "--size", "64x40", "--orbit", "0,90", "--antialias", "4"]);
     // What render refuses.
     fails(&["plan", MAISON, "--spp", "6", "--antialias", "4"], 2, "multiple of 4");
-    fails(&["plan", MAISON, "--size", "4294967295x4294967295"], 2, "4294967295");
-    fails(&["plan", MAISON, "--eye", "1e30,0,0", "--up", "0,0,1"], 2, "eye");
+    fails(&["plan", MAISON, "--size", "4294967295x4294967295"], 2, "beyond this device's limit");
+    fails(
+        &["plan", MAISON, "--eye", "1e30,0,0", "--up", "0,0,1"],
+        2,
+        "a million times the scene's size away",
+    );
     fails(&["plan", MAISON, "--method", "stack8"], 2, "stack8 can overflow");
     let by_address = ["plan", MAISON, "--accessor", "address", "--method"];
     assert!(succeeds(&[&by_address[..], &["entry"]].concat()).contains("address"));

@@ -53,9 +53,9 @@ const SPLIT_SOONER_FROM_COST: f64 = 75.0;
 const SPLIT_SOONER_FROM_SAMPLES: u32 = 4;
 /// From so many camera rays that meet the scene on, and so much of the picture, one kernel keeps a GPU busy up to [`SPLIT_FROM_FULL`] samples and spares it the wait for
 /// the last camera ray (there, with `entry` at 8 samples and 1024x640, `single` has 1.05 to 1.19 times the rate of `split` on four of five scenes that cover more, 0.96 times on the fifth, an
-/// arcade of 20,000 triangles; 0.63 to 1.22 times on those that cover less; at 16, 0.99 to 1.02 times on a room and a terrain that cover 100 and 40%). The number is what that card has under
-/// way at a time, 132 processors of 32 subgroups; other sizes of pictures were not measured.
-const FULL_CAMERA_RAYS: u64 = 144_000;
+/// arcade of 20,000 triangles; 0.63 to 1.22 times on those that cover less; at 16, 0.99 to 1.02 times on a room and a terrain that cover 100 and 40%). The number is that
+/// part of that picture: smaller ones were not measured.
+const FULL_CAMERA_RAYS: u64 = 196_608;
 const FULL_PERCENT: u32 = 30;
 const SPLIT_FROM_FULL: u32 = 16;
 /// Samples of a camera ray for which that matters.

@@ -225,7 +225,7 @@ pub struct Wishes {
     pub slabs: Option<Slabs>,
     /// Ambient rays of a camera ray, if it is known how many there will be.
     pub samples: Option<u32>,
-    /// What is known of the picture.
+    /// How much of the picture is covered, where that was looked at.
     pub covered: Option<Covered>,
     /// Ambient rays have an end.
     pub bounded: bool,
