@@ -349,15 +349,18 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let few = Wishes { samples: Some(4), ..Wishes::default() };
         let fewer = Wishes { samples: Some(3), ..Wishes::default() };
         let covered = |camera_rays, percent| Some(Covered { camera_rays, percent });
-        let full = Wishes { samples: Some(8), covered: covered(260_000, 40), ..Wishes::default() };
-        let just_full = Wishes { covered: covered(196_608, 30), ..full };
-        let narrow = Wishes { covered: covered(196_608, 29), ..full };
-        let small = Wishes { covered: covered(196_607, 30), ..full };
+        let with = |samples, camera_rays, percent| Wishes {
+            samples: Some(samples),
+            covered: covered(camera_rays, percent),
+            ..Wishes::default()
+        };
         let bounded = Wishes { bounded: true, ..Wishes::default() };
         let moller = Wishes { intersector: Some(Intersector::Moller), ..Wishes::default() };
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..Wishes::default() };
         let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
+        let single = Wishes { passes: Some(Passes::Single), ..Wishes::default() };
+        let by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..Wishes::default() };
         let few_split = Wishes { passes: Some(Passes::Split), ..few };
         let scenes = [
             ("large", "terrain", Some(3_200_000), Builder::Midpoint),
@@ -383,28 +386,47 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("large", few, Method::Wide, Passes::Single),
             ("large", few_split, Method::Entry, Passes::Split),
             ("large", Wishes::default(), Method::Entry, Passes::Split),
-            ("terrain", few, Method::Entry, Passes::Single),
+            ("terrain", few, Method::Entry, Passes::Split),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
-            ("cornell", few, Method::Entry, Passes::Single),
+            ("cornell", few, Method::Entry, Passes::Split),
+            ("cornell", with(4, 400_000, 60), Method::Entry, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),
             ("cornell", moller, Method::Entry, Passes::Split),
             ("cornell", lcg, Method::Entry, Passes::Split),
             ("maison", Wishes::default(), Method::Entry, Passes::Split),
-            ("maison", few, Method::Entry, Passes::Single),
-            ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
-            ("hairball", few, Method::Postponed, Passes::Split),
-            ("hairball", fewer, Method::Postponed, Passes::Single),
-            ("tidy hairball", few, Method::Entry, Passes::Split),
+            ("maison", fewer, Method::Entry, Passes::Single),
+            ("maison", with(4, 56_000, 25), Method::Entry, Passes::Single),
+            ("maison", with(7, 56_000, 25), Method::Entry, Passes::Single),
+            ("maison", with(4, 55_999, 25), Method::Entry, Passes::Split),
+            ("maison", with(4, 56_000, 24), Method::Entry, Passes::Split),
+            ("maison", with(8, 196_608, 30), Method::Entry, Passes::Single),
+            ("maison", with(31, 196_608, 30), Method::Entry, Passes::Single),
+            ("maison", with(32, 650_000, 100), Method::Entry, Passes::Split),
+            ("maison", with(8, 196_608, 29), Method::Entry, Passes::Split),
+            ("maison", with(8, 196_607, 30), Method::Entry, Passes::Split),
+            ("tidy hairball", with(4, 400_000, 60), Method::Entry, Passes::Split),
+            ("tidy hairball", with(8, 400_000, 60), Method::Entry, Passes::Split),
             ("tidy hairball", fewer, Method::Entry, Passes::Single),
-            ("maison", full, Method::Entry, Passes::Single),
-            ("maison", just_full, Method::Entry, Passes::Single),
-            ("maison", Wishes { samples: Some(16), ..full }, Method::Entry, Passes::Split),
-            ("maison", narrow, Method::Entry, Passes::Split),
-            ("maison", small, Method::Entry, Passes::Split),
-            ("maison", Wishes { covered: None, ..full }, Method::Entry, Passes::Split),
-            ("tidy hairball", full, Method::Entry, Passes::Split),
+            ("hairball", Wishes::default(), Method::Entry, Passes::Split),
+            ("hairball", few, Method::Entry, Passes::Split),
+            ("hairball", fewer, Method::Postponed, Passes::Single),
+            ("hairball", single, Method::Postponed, Passes::Single),
+            ("hairball", by_buffers, Method::Postponed, Passes::Split),
             ("cornell", brute_moller, Method::Brute, Passes::Single),
             ("cornell", brute, Method::Brute, Passes::Split),
+        ] {
+            let (_, geometry) = scenes.iter().find(|(known, _)| *known == name).expect("one of them");
+            let settings = auto::decide(&wishes, geometry, &gpu).settings;
+            assert_eq!((settings.method, settings.passes), (method, passes), "{name} {wishes:?}");
+        }
+        // Where lanes cannot take over each other's work.
+        gpu.features.retain(|(name, _)| *name != "buffer device address");
+        for (name, wishes, method, passes) in [
+            ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
+            ("hairball", few, Method::Postponed, Passes::Split),
+            ("maison", few, Method::Entry, Passes::Single),
+            ("maison", with(4, 30_000, 5), Method::Entry, Passes::Single),
+            ("maison", with(8, 30_000, 5), Method::Entry, Passes::Split),
         ] {
             let (_, geometry) = scenes.iter().find(|(known, _)| *known == name).expect("one of them");
             let settings = auto::decide(&wishes, geometry, &gpu).settings;

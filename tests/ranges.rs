@@ -5,7 +5,7 @@ mod common;
 use common::{geometry, job, pinhole, plan, run, scene_named, scene_of, with_device};
 use cousu::bvh::Builder;
 use cousu::layout::Count;
-use cousu::render::choices::{Method, Passes, Preset, Wishes};
+use cousu::render::choices::{Accessor, Method, Passes, Preset, Wishes};
 use cousu::render::execute;
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
@@ -57,20 +57,22 @@ fn a_driver_that_leaves_loops_early_loses_no_ray() {
     with_device(|device| {
         let scene = scene_named("maison", None);
         let geometry = geometry(&scene, Preset::Auto);
-        for method in [
-            Method::Brute,
-            Method::Stack(geometry.stack_bound),
-            Method::Threaded,
-            Method::SinglePush,
-            Method::Ordered,
-            Method::Entry,
-            Method::Packet,
-            Method::Postponed,
-            Method::Bundle,
+        for (method, accessor) in [
+            (Method::Brute, None),
+            (Method::Stack(geometry.stack_bound), None),
+            (Method::Threaded, None),
+            (Method::SinglePush, None),
+            (Method::Ordered, None),
+            (Method::Entry, None),
+            // Lanes take over each other's work.
+            (Method::Entry, Some(Accessor::Address)),
+            (Method::Packet, None),
+            (Method::Postponed, None),
+            (Method::Bundle, None),
         ] {
             // With kept hits an invocation of it takes too few samples to come near the limit.
             let passes = if method == Method::Bundle { Some(Passes::Single) } else { None };
-            let wishes = Wishes { method: Some(method), passes, ..Wishes::default() };
+            let wishes = Wishes { method: Some(method), passes, accessor, ..Wishes::default() };
             let samples = match method {
                 Method::Brute => 64,
                 // Four of them go together.
@@ -190,8 +192,11 @@ fn a_pixel_that_lags_behind_misses_no_sample_of_a_later_block() {
     with_device(|device| {
         let mut first = None;
         for passes in [Passes::Staged, Passes::Split, Passes::Single] {
-            for method in [Method::Wide, Method::Ordered] {
-                let wishes = Wishes { method: Some(method), passes: Some(passes), ..Wishes::default() };
+            for (method, accessor) in
+                [(Method::Wide, None), (Method::Ordered, None), (Method::Entry, Some(Accessor::Address))]
+            {
+                let wishes =
+                    Wishes { method: Some(method), passes: Some(passes), accessor, ..Wishes::default() };
                 let job = Job { camera, block: Some(73), ..job(&scene, (8, 8), 0..219) };
                 let outcome = run(device, &plan(device, &scene, &geometry, job, wishes));
                 if device.adapter().limits.loop_iterations.is_some() && passes != Passes::Staged {

@@ -131,18 +131,28 @@ int next_entry(inout uint waiting) {
     return entry_reference(entry);
 }
 
-// Walks until a triangle is found that the ray may meet, or with `decides` does meet, or until all of the tree has been seen. Returns whether
-// it came to its end.
-bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {
-    float t_max = box_limit(ray.t_max);
-    found = -1;
-    uint waiting = 0u;
+// The entries that the ray meets, a bit each.
+uint met_entries(GrownRay ray, float t_max, inout bool finished) {
+    uint met = 0u;
     uint count = entry_count;
     uint i = 0u;
     for (; i < count; i++) {
-        if (meets_grown(grown_ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) waiting |= 1u << i;
+        if (meets_grown(ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) met |= 1u << i;
     }
-    bool finished = i == count;
+    finished = finished && i == count;
+    return met;
+}
+
+#ifdef STEALS
+#include "stealing.glsl"
+#else
+
+// Walks until a triangle is found that the ray may meet, or until all of the tree has been seen. Returns whether it came to its end.
+bool find_triangle(Ray ray, GrownRay grown_ray, out int found) {
+    float t_max = box_limit(ray.t_max);
+    found = -1;
+    bool finished = true;
+    uint waiting = met_entries(grown_ray, t_max, finished);
     int top = 0;
     bool more = waiting != 0u;
     int reference = more ? next_entry(waiting) : NOTHING;
@@ -151,12 +161,11 @@ bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {
         bool walks = reference >= 0;
         while (walks) {
             COUNT_VISIT();
-            CentredNode node = load_centred(reference);
-            bool left = meets_grown(grown_ray, node.left_center, node.left_half, t_max);
-            bool right = meets_grown(grown_ray, node.right_center, node.right_half, t_max);
-            if (left && right) stack[top++] = node.right;
-            reference = left ? node.left : node.right;
-            if (!left && !right) {
+            ivec2 children;
+            bvec2 meets = met_children(grown_ray, reference, t_max, children);
+            if (meets.x && meets.y) stack[top++] = children.y;
+            reference = meets.x ? children.x : children.y;
+            if (!meets.x && !meets.y) {
                 more = top > 0 || waiting != 0u;
                 reference = !more ? NOTHING : top > 0 ? stack[--top] : next_entry(waiting);
             }
@@ -167,7 +176,7 @@ bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {
             int index = leaf_first(reference);
             int last = leaf_last(reference);
             for (; index <= last && found < 0; index++) {
-                if (decides ? any_of_triangle(ray, slabs_of(ray), index) : may_meet(ray, index)) found = index;
+                if (verdict_of(ray, index) != MISSES) found = index;
             }
             finished = finished && (found >= 0 || index > last);
             more = found < 0 && (top > 0 || waiting != 0u);
@@ -179,16 +188,15 @@ bool find_triangle(Ray ray, GrownRay grown_ray, bool decides, out int found) {
 
 bool any_hit(Ray ray, inout bool occluded) {
     if (occluded) return true;
-    // Of bounded rays many triangles lie too far, which the exact test alone tells.
-    bool decides = BOUNDED && ray.t_max < UNBOUNDED;
     int found;
-    bool finished = find_triangle(ray, grown_ray_of(ray), decides, found);
-    occluded = found >= 0 && (decides || does_meet(ray, found));
+    bool finished = find_triangle(ray, grown_ray_of(ray), found);
+    occluded = found >= 0 && does_meet(ray, found);
     // Hardly ever. In the walk itself the exact test would take a GPU an eighth of its time.
     if (found >= 0 && !occluded) finished = any_hit_left_first(ray, occluded);
     return occluded || finished;
 }
 
+#endif
 #endif
 
 #include "one_ray.glsl"

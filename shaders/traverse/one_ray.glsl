@@ -20,7 +20,7 @@ void run_closest() { run_each_closest(); }
 #endif
 #endif
 
-#ifdef USES_ANY
+#if defined(USES_ANY) && !defined(STEALS)
 void run_each_any() {
     Ray ray;
     bool occluded;

@@ -36,15 +36,16 @@ int rough_verdict(Ray ray, Triangle triangle) {
     return meets ? MEETS : inside || det <= error_det ? MAY_MEET : MISSES;
 }
 
-// For the intersectors of which it tells nothing, these two are the exact test.
+// Of what it tells nothing the exact test decides: of other intersectors, and of rays with an end, for which many triangles lie too far.
+bool decides_exactly(Ray ray) { return WATERTIGHT || ORIGINAL || (BOUNDED && ray.t_max < UNBOUNDED); }
 
-bool may_meet(Ray ray, int index) {
-    if (WATERTIGHT || ORIGINAL) return any_of_triangle(ray, slabs_of(ray), index);
+int verdict_of(Ray ray, int index) {
+    if (decides_exactly(ray)) return any_of_triangle(ray, slabs_of(ray), index) ? MEETS : MISSES;
     COUNT_TEST();
-    return rough_verdict(ray, load_edges(index)) != MISSES;
+    return rough_verdict(ray, load_edges(index));
 }
 
-// Of a triangle that the ray may meet.
+// Of a triangle whose verdict was not MISSES.
 bool does_meet(Ray ray, int index) {
-    return WATERTIGHT || ORIGINAL || rough_verdict(ray, load_edges(index)) == MEETS || any_of_triangle(ray, slabs_of(ray), index);
+    return decides_exactly(ray) || rough_verdict(ray, load_edges(index)) == MEETS || any_of_triangle(ray, slabs_of(ray), index);
 }

@@ -3,7 +3,7 @@
 
 use super::builder::why_builder;
 use super::choices::{
-    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+    Accessor, Accumulator, Covered, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
     Wishes,
 };
 use super::geometry::Geometry;
@@ -42,28 +42,38 @@ const EDGES_FOR_COST: f64 = 9.5;
 /// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
 /// 0.74 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
-/// Samples of a camera ray from which a second kernel pays on a GPU (there, with `entry` on maison, bunny, arcade and stadium, `split` has 0.74 to
-/// 1.06 times the rate of `single` at 4, 0.88 (arcade) to 1.27 times at 8, 0.97 to 1.48 times on the first three at 16).
-const SPLIT_FROM_SAMPLES: u32 = 8;
-/// The same from this SAH cost on, where rays take so long that a second kernel's own time counts for little (there, at 4 samples `split` has 1.34 times the
-/// rate of `single` with `entry` on a hairball of 50,000 triangles and cost 86, 1.03 to 1.13 times with `postponed` on larger ones and 1.07 times on a heap of
-/// triangles, of costs 117 to 189; with `entry` 0.78 and 0.77 times on trees of leaves and on the arcade of a million triangles, of costs 61 and 62, but 1.31 times on a
-/// hairball of 5,000 triangles and cost 55, which covers little of the picture).
-const SPLIT_SOONER_FROM_COST: f64 = 75.0;
-const SPLIT_SOONER_FROM_SAMPLES: u32 = 4;
-/// From so many camera rays that meet the scene on, and so much of the picture, one kernel keeps a GPU busy up to [`SPLIT_FROM_FULL`] samples and spares it the wait for
-/// the last camera ray (there, with `entry` at 8 samples and 1024x640, `single` has 1.05 to 1.19 times the rate of `split` on four of five scenes that cover more, 0.96 times on the fifth, an
-/// arcade of 20,000 triangles; 0.63 to 1.22 times on those that cover less; at 16, 0.99 to 1.02 times on a room and a terrain that cover 100 and 40%). The number is that
-/// part of that picture: smaller ones were not measured.
-const FULL_CAMERA_RAYS: u64 = 196_608;
-const FULL_PERCENT: u32 = 30;
-const SPLIT_FROM_FULL: u32 = 16;
-/// Samples of a camera ray for which that matters.
-pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_FROM_FULL;
+/// Samples of a camera ray from which a second kernel may pay on a GPU.
+const SPLIT_FROM_SAMPLES: u32 = 4;
+/// From this SAH cost on it does whatever the picture covers: rays take so long that a second kernel's own time counts for little (measured on an H100: at 4
+/// samples `split` has 1.34 times the rate of `single` with `ordered` walks on a hairball of 50,000 triangles and cost 86, 1.03 to 1.13 times with `postponed` on
+/// costs of 117 to 189, where stealing adds 1.2 more).
+const LONG_WALKS_FROM_COST: f64 = 75.0;
+
+/// A picture of which so much is covered keeps a GPU busy with one kernel, which spares it the wait for the last camera ray; others gain by lanes that
+/// share a pixel.
+struct Full {
+    samples: std::ops::Range<u32>,
+    camera_rays: u64,
+    percent: u32,
+}
+
+/// Measured on an H100 with `entry` on eleven scenes, of which 7 to 100% is covered, at 512x320, 1024x640 and 1920x1080. `single` over `split`, with stealing: at 4 samples
+/// 1.09 to 1.5 where the first row holds; elsewhere 0.7 to 1.0, but 1.17 on trees of leaves at 1024x640. At 8 samples 1.12 to 1.31 where the second one holds, 0.57 to 1.01 elsewhere; at 16
+/// 1.08 to 1.22 and 0.4 to 1.08.
+const FULL: [Full; 2] = [
+    Full { samples: SPLIT_FROM_SAMPLES..8, camera_rays: 56_000, percent: 25 },
+    Full { samples: 8..32, camera_rays: 196_608, percent: 30 },
+];
+/// The first row without stealing, where a lane that shares a pixel waits for the others: whatever is covered (there, `split` had 0.72 to 1.18 times the rate of `single` at
+/// 4 samples, 1.33 on a hairball of 5,000 triangles).
+const FULL_BEFORE: u32 = 8;
+/// Samples of a camera ray for which the picture decides.
+pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..32;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
 /// on the arcade of 260,000).
 const WIDE_FROM: usize = 3_000_000;
+const WIDE_UP_TO_SAMPLES: u32 = 8;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
 /// on Mesa's software device: 1.1 to 2.4 times the rate of `wide` on Cornell, maison, bunny and arcade, 0.8 to 1 on the terrain of two million
@@ -71,7 +81,7 @@ const WIDE_FROM: usize = 3_000_000;
 const BUNDLE_UP_TO_COST: f64 = 100.0;
 const BUNDLE_UP_TO: usize = 1_000_000;
 
-/// From this SAH cost on `postponed` is the fastest on a GPU (measured on an H100 with Sobol points: 1.2 times the rate of `entry` at 64 samples and 1.06 to 1.12 times at
+/// From this SAH cost on `postponed` is the fastest on a GPU where no lanes take over work (measured on an H100 with Sobol points: 1.2 times the rate of `entry` at 64 samples and 1.06 to 1.12 times at
 /// 4 and 8 on the hairball, of cost 189; 0.64 to 0.82 times at 64 on maison, bunny, arcade and terrain).
 const POSTPONED_FROM: f64 = 100.0;
 
@@ -208,25 +218,31 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Brute, why)
     } else if triangles >= WIDE_FROM
         && cost <= POSTPONED_FROM
-        && wishes.fewer_samples(SPLIT_FROM_SAMPLES)
+        && wishes.fewer_samples(WIDE_UP_TO_SAMPLES)
         && matches!(wishes.passes, None | Some(Passes::Single))
     {
         let why = format!(
             "{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read"
         );
         (Method::Wide, why)
-    } else if cost > POSTPONED_FROM && votes.is_ok() {
+    } else if cost > POSTPONED_FROM && votes.is_ok() && !takes_over_work(wishes, adapter) {
         let why = format!(
             "SAH cost {cost:.0}, above {POSTPONED_FROM}: where rays meet many leaves, they wait for one another"
         );
         (Method::Postponed, why)
     } else {
-        (
-            Method::Entry,
-            "a GPU is fastest with two-child nodes, from where the rays start, while few leaves are met"
-                .into(),
-        )
+        (Method::Entry, "a GPU is fastest with two-child nodes, from where the rays start".into())
     }
+}
+
+/// Whether lanes of `entry` would take over each other's work.
+fn takes_over_work(wishes: &Wishes, adapter: &Adapter) -> bool {
+    let kernel = find_kernel("ambient_list/entry/address");
+    adapter.kind != DeviceKind::Cpu
+        && kernel.and_then(|kernel| check_subgroup(kernel, adapter)).is_ok()
+        && matches!(wishes.accessor, None | Some(Accessor::Address))
+        && matches!(wishes.passes, None | Some(Passes::Split))
+        && !wishes.fewer_samples(SPLIT_FROM_SAMPLES)
 }
 
 /// Whether `brute` would find each face's edges for many rays at once.
@@ -272,35 +288,36 @@ fn choose_passes(
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Entry | Method::Postponed => cut_by_rays(wishes, geometry),
+        Method::Ordered | Method::Entry | Method::Postponed => {
+            cut_by_rays(wishes, geometry, method == Method::Entry && takes_over_work(wishes, adapter))
+        }
         _ => (Passes::Single, "one kernel does all of a pixel"),
     }
 }
 
 /// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
-fn cut_by_rays(wishes: &Wishes, geometry: &Geometry) -> (Passes, &'static str) {
-    let few = (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
-    if wishes.fewer_samples(SPLIT_SOONER_FROM_SAMPLES) {
-        return few;
+fn cut_by_rays(wishes: &Wishes, geometry: &Geometry, steals: bool) -> (Passes, &'static str) {
+    if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
+        return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
     }
-    let full = wishes
-        .covered
-        .is_some_and(|covered| covered.camera_rays >= FULL_CAMERA_RAYS && covered.percent >= FULL_PERCENT);
-    if !wishes.fewer_samples(if full { SPLIT_FROM_FULL } else { SPLIT_FROM_SAMPLES }) {
+    let of_samples =
+        |row: &&Full| wishes.samples.is_some_and(|samples| row.samples.contains(&samples));
+    let full = FULL.iter().find(of_samples).is_some_and(|row| {
+        let enough = |covered: Covered| covered.camera_rays >= row.camera_rays && covered.percent >= row.percent;
+        !steals && wishes.fewer_samples(FULL_BEFORE) || wishes.covered.is_some_and(enough)
+    });
+    if !full {
         return (Passes::Split, "ambient rays of few pixels would hold up the others");
     }
-    if geometry.quality().sah_cost >= SPLIT_SOONER_FROM_COST {
+    if geometry.quality().sah_cost >= LONG_WALKS_FROM_COST {
         return (
             Passes::Split,
             "rays take so long in this tree that a second kernel's own time counts for little",
         );
     }
-    if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
-        return few;
-    }
     (
         Passes::Single,
-        "a large, well covered picture keeps a GPU busy, and no kernel waits for the last camera ray",
+        "a well covered picture keeps a GPU busy with few rays of a pixel, and no kernel waits for the last camera ray",
     )
 }
 
@@ -315,7 +332,14 @@ fn choose_accessor(settings: &Settings, geometry: &Geometry, adapter: &Adapter) 
     if settings.preset.is_original() {
         (Accessor::StorageBuffer, "as the original")
     } else if adapter.kind != DeviceKind::Cpu && adapter.features.contains(&ADDRESSES) {
-        (Accessor::Address, "a GPU reads fastest by device addresses")
+        let runs = |kernel: &&Kernel| check_subgroup(kernel, adapter).is_ok();
+        match kernels_of(settings, Accessor::Address) {
+            Ok(kernels) if !kernels.iter().all(runs) => (
+                Accessor::StorageBuffer,
+                "the kernels that read by device addresses need subgroup operations that the device has not",
+            ),
+            _ => (Accessor::Address, "a GPU reads fastest by device addresses"),
+        }
     } else if adapter.kind != DeviceKind::Cpu {
         (Accessor::StorageBuffer, "a GPU without device addresses reads storage buffers")
     } else if words > adapter.limits.texel_elements {
@@ -381,8 +405,13 @@ fn check_operations(kernel: &Kernel, device: &str, size: u32, operations: &[&str
         0 => return Ok(()),
         _ => format!("the subgroup operations {}", lacking.join(", ")),
     };
+    let by_buffers = kernel.name.strip_suffix("/address").map(|stem| find_kernel(&format!("{stem}/ssbo")));
+    let instead = match by_buffers {
+        Some(Ok(kernel)) if kernel.subgroup.is_empty() => "--accessor ssbo",
+        _ => "--method ordered",
+    };
     Err(Error::device(format!(
-        "{device} has not {lack}, which the kernel {} needs: choose --method ordered, which needs none.",
+        "{device} has not {lack}, which the kernel {} needs: choose {instead}, which needs none.",
         kernel.name
     )))
 }
@@ -405,6 +434,10 @@ mod tests {
         check_operations(bundle, "A", 8, &all).unwrap();
         let other = check_operations(bundle, "A", 16, &all).unwrap_err().to_string();
         assert!(other.contains("subgroups of 8 lanes"), "{other}");
+        let stealing = find_kernel("ambient_list/entry/address").unwrap();
+        check_operations(stealing, "A", 8, &all).unwrap();
+        let votes = check_operations(stealing, "A", 8, &["basic", "vote"]).unwrap_err().to_string();
+        assert!(votes.contains("ballot") && votes.contains("choose --accessor ssbo"), "{votes}");
         let ordered = find_kernel("ambient/ordered/count/ssbo").unwrap();
         check_operations(ordered, "A", 0, &[]).unwrap();
     }
@@ -428,7 +461,8 @@ mod tests {
         for kernel in KERNELS {
             let votes =
                 ["/packet/", "/postponed/", "/bundle/"].iter().any(|method| kernel.name.contains(method))
-                    || kernel.nodes == NodeLayout::Faces;
+                    || kernel.nodes == NodeLayout::Faces
+                    || kernel.name == "ambient_list/entry/address";
             let counts = kernel.name.starts_with("work/");
             assert_eq!(
                 !kernel.subgroup.is_empty(),

@@ -141,10 +141,10 @@ mod tests {
         let split = Wishes { passes: Some(Passes::Split), ..wishes };
         let original = Wishes { preset: Some(Preset::Original), ..wishes };
         for (samples, wishes, device, told) in [
-            (8, wishes, DeviceKind::Discrete, true),
-            (15, wishes, DeviceKind::Integrated, true),
-            (7, wishes, DeviceKind::Discrete, false),
-            (16, wishes, DeviceKind::Discrete, false),
+            (4, wishes, DeviceKind::Discrete, true),
+            (31, wishes, DeviceKind::Integrated, true),
+            (3, wishes, DeviceKind::Discrete, false),
+            (32, wishes, DeviceKind::Discrete, false),
             (8, split, DeviceKind::Discrete, false),
             (8, original, DeviceKind::Discrete, false),
             (8, wishes, DeviceKind::Cpu, false),

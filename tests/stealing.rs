@@ -1,0 +1,141 @@
+//! Lanes that take over each other's rays (`entry` by address, `split`) count what each lane counts that walks its own: any set of samples, numbers and
+//! intersector.
+
+mod common;
+
+use common::{INTERSECTORS, geometry, job, plan, run, scene_named, scene_of, with_device};
+use cousu::kernels::NodeLayout;
+use cousu::layout::SPEC_SAMPLE_LANES;
+use cousu::render::choices::{
+    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes,
+};
+use cousu::render::execute::Outcome;
+use cousu::render::plan::Job;
+use cousu::scene::Scene;
+use cousu::vk::Device;
+
+const SIZE: (u32, u32) = (33, 21);
+
+/// The same render by lanes that walk their own rays, and by those that take over others', with so many lanes for a pixel: with several, rays of more than one batch
+/// are under way.
+fn alone_and_together(
+    device: &Device,
+    scene: &Scene,
+    job: &Job,
+    wishes: Wishes,
+    lanes: Option<u32>,
+) -> [Outcome; 2] {
+    let geometry = geometry(scene, wishes.preset.unwrap_or(Preset::Auto));
+    [Accessor::StorageBuffer, Accessor::Address].map(|accessor| {
+        let wishes = Wishes {
+            method: Some(Method::Entry),
+            passes: Some(Passes::Split),
+            accessor: Some(accessor),
+            ..wishes
+        };
+        let plan = plan(device, scene, &geometry, job.clone(), wishes);
+        let plan = match lanes {
+            Some(lanes) if accessor == Accessor::Address => plan.with_constant(SPEC_SAMPLE_LANES, lanes),
+            _ => plan,
+        };
+        let steals = plan.kernels.iter().any(|kernel| kernel.name == "ambient_list/entry/address");
+        assert_eq!(steals, accessor == Accessor::Address);
+        assert!(matches!(plan.node_layout(), NodeLayout::Centred | NodeLayout::Compact));
+        run(device, &plan)
+    })
+}
+
+fn agree(device: &Device, scene: &Scene, job: Job, wishes: Wishes) {
+    // Sums of floats and states that step need a lane of their own for each pixel.
+    let shares = wishes.accumulator.is_none_or(|sum| sum == Accumulator::Count)
+        && wishes.sampler != Some(Sampler::Lcg)
+        && !wishes.preset.is_some_and(Preset::is_original);
+    for lanes in [None, Some(2), Some(8)] {
+        if lanes.is_some() && !shares {
+            continue;
+        }
+        let [alone, together] = alone_and_together(device, scene, &job, wishes, lanes);
+        let what = format!("{}, {:?}, {wishes:?}, {lanes:?} lanes", scene.path, job.samples);
+        assert!(alone.accumulated == together.accumulated, "{what}");
+        assert_eq!(alone.primary_rays, together.primary_rays, "{what}");
+        assert_eq!(alone.ambient_rays, together.ambient_rays, "{what}");
+        assert!(together.ambient_rays > 0, "{what}");
+        assert_eq!((together.overflowed_rays, together.repeats), (0, 0), "{what}");
+    }
+}
+
+/// One ray, more than a word's bits of them, and sets that begin anywhere.
+#[test]
+fn any_number_of_samples() {
+    with_device(|device| {
+        for (name, triangles) in [("hairball", Some(4000)), ("maison", None), ("arcade", Some(3000))] {
+            let scene = scene_named(name, triangles);
+            for samples in [0..1, 0..4, 3..8, 0..31, 0..33, 5..70, 0..256] {
+                agree(device, &scene, job(&scene, SIZE, samples), Wishes::default());
+            }
+            let adaptive = Job { adaptive: true, ..job(&scene, SIZE, 0..32) };
+            agree(device, &scene, adaptive, Wishes::default());
+            let jittered = Job { jitters: 3, ..job(&scene, SIZE, 0..8) };
+            agree(device, &scene, jittered, Wishes::default());
+        }
+    });
+}
+
+#[test]
+fn any_choice() {
+    with_device(|device| {
+        let auto = Wishes::default();
+        for (name, triangles) in [("hairball", Some(4000)), ("maison", None)] {
+            let scene = scene_named(name, triangles);
+            for intersector in INTERSECTORS {
+                for max_distance in [None, Some(0.3)] {
+                    let job = Job { max_distance, ..job(&scene, SIZE, 0..12) };
+                    agree(device, &scene, job, Wishes { intersector: Some(intersector), ..auto });
+                }
+            }
+            for sampler in [Sampler::Lcg, Sampler::Pcg, Sampler::Strata, Sampler::Philox] {
+                for accumulator in [Accumulator::Count, Accumulator::Rgba32f, Accumulator::Rgba8] {
+                    let wishes = Wishes { sampler: Some(sampler), accumulator: Some(accumulator), ..auto };
+                    agree(device, &scene, job(&scene, SIZE, 0..40), wishes);
+                }
+            }
+            for wishes in [
+                Wishes { slabs: Some(Slabs::Plain), ..auto },
+                Wishes { offset: Some(Offset::Fixed), ..auto },
+                Wishes { preset: Some(Preset::Original), ..auto },
+                Wishes { preset: Some(Preset::OriginalUnbiased), ..auto },
+            ] {
+                agree(device, &scene, job(&scene, SIZE, 0..40), wishes);
+            }
+        }
+    });
+}
+
+/// Stacks of crossing needles: walks of very different lengths, that graze edges, so that many a ray is not sure until the exact test at the end.
+#[test]
+fn rays_along_edges() {
+    let mut text = String::from("v -4 -1 -4\nv 4 -1 -4\nv 0 -1 8\nf 1 2 3\n");
+    for i in 0..400 {
+        let (x, z) = (f64::from(i % 20) / 10.0 - 1.0, f64::from(i / 20) / 10.0 - 1.0);
+        text += &format!("v {x} -1 {z}\nv {x} 1 {z}\nv {} 1 {z}\nf -3 -2 -1\n", x + 1e-6);
+        text += &format!("v {x} -1 {z}\nv {x} 1 {z}\nv {x} 1 {}\nf -3 -2 -1\n", z + 0.1);
+    }
+    let scene = scene_of(&text);
+    with_device(|device| {
+        for intersector in INTERSECTORS {
+            let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
+            agree(device, &scene, job(&scene, (64, 40), 0..32), wishes);
+        }
+        let geometry = geometry(&scene, Preset::Auto);
+        let wishes = Wishes {
+            method: Some(Method::Ordered),
+            passes: Some(Passes::Single),
+            intersector: Some(Intersector::Conservative),
+            ..Wishes::default()
+        };
+        let ordered = run(device, &plan(device, &scene, &geometry, job(&scene, (64, 40), 0..32), wishes));
+        let [_, together] =
+            alone_and_together(device, &scene, &job(&scene, (64, 40), 0..32), Wishes::default(), Some(4));
+        assert!(ordered.accumulated == together.accumulated);
+    });
+}
