@@ -10,7 +10,7 @@ use cousu::kernels::NodeLayout;
 use cousu::layout::SPEC_COMPACT;
 use cousu::render::auto::{self, Decision};
 use cousu::render::choices::{
-    Accessor, Accumulator, Covered, Intersector, Method, Passes, Preset, Sampler, Wishes,
+    Accessor, Accumulator, Intersector, Method, Passes, Preset, Preview, Sampler, Wishes,
 };
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
@@ -348,10 +348,9 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         gpu.kind = DeviceKind::Discrete;
         let few = Wishes { samples: Some(4), ..Wishes::default() };
         let fewer = Wishes { samples: Some(3), ..Wishes::default() };
-        let covered = |camera_rays, percent| Some(Covered { camera_rays, percent });
-        let with = |samples, camera_rays, percent| Wishes {
+        let with = |samples, camera_rays, steps| Wishes {
             samples: Some(samples),
-            covered: covered(camera_rays, percent),
+            preview: Some(Preview { camera_rays, steps }),
             ..Wishes::default()
         };
         let bounded = Wishes { bounded: true, ..Wishes::default() };
@@ -389,24 +388,19 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("terrain", few, Method::Entry, Passes::Split),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
             ("cornell", few, Method::Entry, Passes::Split),
-            ("cornell", with(4, 400_000, 60), Method::Entry, Passes::Single),
+            ("cornell", with(4, 400_000, 8), Method::Entry, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),
             ("cornell", moller, Method::Entry, Passes::Split),
             ("cornell", lcg, Method::Entry, Passes::Split),
             ("maison", Wishes::default(), Method::Entry, Passes::Split),
             ("maison", fewer, Method::Entry, Passes::Single),
-            ("maison", with(4, 56_000, 25), Method::Entry, Passes::Single),
-            ("maison", with(7, 56_000, 25), Method::Entry, Passes::Single),
-            ("maison", with(4, 55_999, 25), Method::Entry, Passes::Split),
-            ("maison", with(4, 56_000, 24), Method::Entry, Passes::Split),
-            ("maison", with(8, 196_608, 30), Method::Entry, Passes::Single),
-            ("maison", with(31, 196_608, 30), Method::Entry, Passes::Single),
-            ("maison", with(32, 650_000, 100), Method::Entry, Passes::Split),
-            ("maison", with(8, 196_608, 29), Method::Entry, Passes::Split),
-            ("maison", with(8, 196_607, 30), Method::Entry, Passes::Split),
-            ("tidy hairball", with(4, 400_000, 60), Method::Entry, Passes::Split),
-            ("tidy hairball", with(8, 400_000, 60), Method::Entry, Passes::Split),
-            ("tidy hairball", fewer, Method::Entry, Passes::Single),
+            ("maison", with(3, 10, 90), Method::Entry, Passes::Single),
+            ("maison", with(4, 50_000, 19), Method::Entry, Passes::Single),
+            ("maison", with(4, 49_999, 19), Method::Entry, Passes::Split),
+            ("maison", with(4, 50_000, 20), Method::Entry, Passes::Split),
+            ("maison", with(31, 387_500, 19), Method::Entry, Passes::Single),
+            ("maison", with(31, 387_499, 19), Method::Entry, Passes::Split),
+            ("maison", with(32, 1_000_000, 5), Method::Entry, Passes::Split),
             ("hairball", Wishes::default(), Method::Entry, Passes::Split),
             ("hairball", few, Method::Entry, Passes::Split),
             ("hairball", fewer, Method::Postponed, Passes::Single),
@@ -424,9 +418,8 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         for (name, wishes, method, passes) in [
             ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
             ("hairball", few, Method::Postponed, Passes::Split),
-            ("maison", few, Method::Entry, Passes::Single),
-            ("maison", with(4, 30_000, 5), Method::Entry, Passes::Single),
-            ("maison", with(8, 30_000, 5), Method::Entry, Passes::Split),
+            ("maison", with(4, 50_000, 19), Method::Entry, Passes::Single),
+            ("maison", few, Method::Entry, Passes::Split),
         ] {
             let (_, geometry) = scenes.iter().find(|(known, _)| *known == name).expect("one of them");
             let settings = auto::decide(&wishes, geometry, &gpu).settings;

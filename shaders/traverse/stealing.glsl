@@ -60,26 +60,27 @@ void hand_over() {
     uvec4 takers = subgroupBallot(takes);
     uvec4 givers = subgroupBallot(gives);
     uint pairs = min(subgroupBallotBitCount(takers), subgroupBallotBitCount(givers));
-    if (pairs == 0u) return;
-    // None does both: what an idle lane has made it has taken by now.
-    uint rank = subgroupBallotExclusiveBitCount(takes ? takers : givers);
-    takes = takes && rank < pairs;
-    gives = gives && rank < pairs;
-    uint place = gl_SubgroupID * gl_SubgroupSize + rank;
-    if (gives) giving_lanes[place] = gl_SubgroupInvocationID;
-    subgroupBarrier();
-    uint from = takes ? giving_lanes[place] : gl_SubgroupInvocationID;
-    int given = !gives ? NOTHING : of_made ? next_entry(made_entries) : take_waiting();
-    given = subgroupShuffle(given, from);
-    vec3 origin = subgroupShuffle(of_made ? made_ray.origin : walked.origin, from);
-    vec3 direction = subgroupShuffle(of_made ? made_ray.direction : walked.direction, from);
-    float t_max = UNBOUNDED;
-    if (BOUNDED) t_max = subgroupShuffle(of_made ? made_ray.t_max : walked.t_max, from);
-    uint invocation = subgroupShuffle(of_made ? gl_LocalInvocationIndex : maker, from);
-    uint bit = subgroupShuffle(of_made ? made_bit : maker_bit, from);
-    if (takes) {
-        walk_for(Ray(origin, direction, t_max), invocation, bit);
-        reference = given;
+    if (pairs > 0u) {
+        // None does both: what an idle lane has made it has taken by now.
+        uint rank = subgroupBallotExclusiveBitCount(takes ? takers : givers);
+        takes = takes && rank < pairs;
+        gives = gives && rank < pairs;
+        uint place = gl_SubgroupID * gl_SubgroupSize + rank;
+        if (gives) giving_lanes[place] = gl_SubgroupInvocationID;
+        subgroupBarrier();
+        uint from = takes ? giving_lanes[place] : gl_SubgroupInvocationID;
+        int given = !gives ? NOTHING : of_made ? next_entry(made_entries) : take_waiting();
+        given = subgroupShuffle(given, from);
+        vec3 origin = subgroupShuffle(of_made ? made_ray.origin : walked.origin, from);
+        vec3 direction = subgroupShuffle(of_made ? made_ray.direction : walked.direction, from);
+        float t_max = UNBOUNDED;
+        if (BOUNDED) t_max = subgroupShuffle(of_made ? made_ray.t_max : walked.t_max, from);
+        uint invocation = subgroupShuffle(of_made ? gl_LocalInvocationIndex : maker, from);
+        uint bit = subgroupShuffle(of_made ? made_bit : maker_bit, from);
+        if (takes) {
+            walk_for(Ray(origin, direction, t_max), invocation, bit);
+            reference = given;
+        }
     }
 }
 
@@ -141,7 +142,7 @@ void run_batches() {
     bool more = true;
     while (more) {
         uint idle = lanes_with(!walks());
-        if (idle * ONE_IDLE_IN >= gl_SubgroupSize || !subgroupAny(walks())) {
+        if (idle * ONE_IDLE_IN >= gl_SubgroupSize) {
             if (open && !subgroupAny(made_entries != 0u)) {
                 bool occluded;
                 uint id;
@@ -196,8 +197,10 @@ void run_batches() {
 }
 
 void run_any() {
-    while (subgroupAny(any_left())) {
+    bool more = subgroupAny(any_left());
+    while (more) {
         run_batches();
         subgroupBarrier();
+        more = subgroupAny(any_left());
     }
 }

@@ -102,9 +102,7 @@ impl<'a> AmbientRays<'a> {
             .map(Aabb::of)
             .filter(|bounds| bounds.min.is_finite() && bounds.max.is_finite())
             .reduce(|| Aabb::EMPTY, |a, b| a.union(&b));
-        let largest = all.min.abs().max(all.max.abs()).max_element();
-        // As far off the surface as the offset `ulp`.
-        let offset = largest * 2f32.powi(-16);
+        let offset = offset_of(&all);
         let mut picked = Vec::with_capacity(count);
         let (mut sum, step) = (0.0, total / count as f64);
         for (triangle, area) in triangles.iter().zip(areas) {
@@ -146,21 +144,90 @@ impl<'a> AmbientRays<'a> {
     }
 }
 
-/// Part of the rays, each an origin and a direction, that meet a triangle, in [0, 1]; 0 if there are none. `triangles`: in the
-/// order of the tree's leaves. A ray that takes [`MOST_STEPS`] counts as one that does.
-pub fn part_that_meets(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)]) -> f64 {
-    let Some(root) = tree.nodes.last() else { return 0.0 };
+/// What camera rays see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Part of the camera rays that meet a triangle, in [0, 1].
+    pub part: f64,
+    /// Visits and tests of an ambient ray from where they do; 0 if none does.
+    pub steps: f64,
+}
+
+/// Traces camera rays, each an origin and a direction, and an ambient ray from each surface that is met, on the side that is seen. `triangles`: in the order of
+/// the tree's leaves. A ray that takes [`MOST_STEPS`] is left alone: it counts with what it has met and taken so far.
+pub fn look(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)]) -> Seen {
+    let Some(root) = tree.nodes.last() else { return Seen::default() };
     let pad = pad_of(&root.bounds);
-    let meets = |stack: &mut Vec<u32>, &(origin, direction): &(Vec3, Vec3)| {
-        walk(tree, |place| &triangles[place], pad, &Ray::new(origin, direction), stack).occluded
+    let offset = offset_of(&root.bounds);
+    let see = |stack: &mut Vec<u32>, (number, &(origin, direction)): (usize, &(Vec3, Vec3))| {
+        let (t, place) = closest(tree, triangles, pad, &Ray::new(origin, direction))?;
+        let [ab, ac] = [triangles[place].ab, triangles[place].ac].map(|edge| Vec3::from(edge).as_dvec3());
+        let normal = ab.cross(ac).normalize();
+        let normal = if normal.dot(direction.as_dvec3()) > 0.0 { -normal } else { normal };
+        let start = origin + t * direction + offset * normal.as_vec3();
+        let ambient = Ray::new(start, ambient_direction(normal, number as u64, 0)?);
+        let walk = walk(tree, |place| &triangles[place], pad, &ambient, stack);
+        Some(walk.visits + walk.tests)
     };
-    let met = rays.par_iter().map_init(Vec::new, meets).filter(|&meets| meets).count();
-    met as f64 / rays.len().max(1) as f64
+    let seen: Vec<u64> = rays.par_iter().enumerate().map_init(Vec::new, see).flatten().collect();
+    Seen {
+        part: seen.len() as f64 / rays.len().max(1) as f64,
+        steps: seen.iter().sum::<u64>() as f64 / seen.len().max(1) as f64,
+    }
+}
+
+/// The closest hit: its distance in lengths of the direction, and the triangle's place.
+fn closest(tree: &Tree, triangles: &[Triangle], pad: f32, ray: &Ray) -> Option<(f32, usize)> {
+    let mut hit = None;
+    let mut nearest = f32::INFINITY;
+    let mut steps = 0;
+    let enters = |child: u32| ray.enters(&tree.nodes[child as usize].bounds, pad).map(|t| (t, child));
+    let mut stack: Vec<(f32, u32)> = enters(tree.nodes.len().checked_sub(1)? as u32).into_iter().collect();
+    while let Some((t, index)) = stack.pop() {
+        if t > nearest {
+            continue;
+        }
+        if steps >= MOST_STEPS {
+            break;
+        }
+        match tree.nodes[index as usize].content {
+            Content::Inner { left, right } => {
+                steps += 1;
+                let mut met = [enters(left), enters(right)];
+                // The nearer one is taken first.
+                if let [Some(a), Some(b)] = met
+                    && a.0 < b.0
+                {
+                    met.swap(0, 1);
+                }
+                stack.extend(met.into_iter().flatten());
+            }
+            Content::Leaf { first, count } => {
+                for place in first as usize..(first + count) as usize {
+                    steps += 1;
+                    if let Some(t) = ray.meets_at(&triangles[place]).filter(|&t| t < nearest) {
+                        nearest = t;
+                        hit = Some((t, place));
+                    }
+                }
+            }
+        }
+    }
+    hit
+}
+
+/// As far off a surface as the offset `ulp`.
+fn offset_of(all: &Aabb) -> f32 {
+    largest_of(all) * 2f32.powi(-16)
+}
+
+fn largest_of(all: &Aabb) -> f32 {
+    all.min.abs().max(all.max.abs()).max_element()
 }
 
 /// By how much boxes are grown, as those of robust slabs.
 fn pad_of(all: &Aabb) -> f32 {
-    all.min.abs().max(all.max.abs()).max_element() * 2f32.powi(-21)
+    largest_of(all) * 2f32.powi(-21)
 }
 
 /// Any hit as `ordered` finds it: of two children that are met the larger one first. A ray that takes [`MOST_STEPS`] counts as
@@ -244,19 +311,30 @@ impl Ray {
     }
 
     fn meets_box(&self, bounds: &Aabb, pad: f32) -> bool {
+        self.enters(bounds, pad).is_some()
+    }
+
+    /// Where it enters the box, or 0 if it starts within.
+    fn enters(&self, bounds: &Aabb, pad: f32) -> Option<f32> {
         let one = (bounds.min - pad - self.origin) * self.inverse;
         let other = (bounds.max + pad - self.origin) * self.inverse;
-        one.min(other).max_element().max(0.0) <= one.max(other).min_element()
+        let enter = one.min(other).max_element().max(0.0);
+        (enter <= one.max(other).min_element()).then_some(enter)
+    }
+
+    fn meets(&self, triangle: &Triangle) -> bool {
+        self.meets_at(triangle).is_some()
     }
 
     /// Möller and Trumbore (1997).
-    fn meets(&self, triangle: &Triangle) -> bool {
+    fn meets_at(&self, triangle: &Triangle) -> Option<f32> {
         let [a, ab, ac] = [triangle.a, triangle.ab, triangle.ac].map(Vec3::from);
         let p = self.direction.cross(ac);
         let det = ab.dot(p);
         let s = (self.origin - a) * det.signum();
         let q = s.cross(ab);
         let (u, v) = (s.dot(p), self.direction.dot(q));
-        det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= det.abs() && ac.dot(q) > 0.0
+        let t = ac.dot(q);
+        (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= det.abs() && t > 0.0).then(|| t / det.abs())
     }
 }

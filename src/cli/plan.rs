@@ -11,7 +11,7 @@ use super::session::{self, DeviceArguments};
 use crate::error::Result;
 use crate::render::plan::{Job, Plan};
 use crate::render::rounds::{Goal, MOST_SAMPLES};
-use crate::render::{auto, coverage};
+use crate::render::{auto, preview};
 use crate::scene::Scene;
 
 #[derive(Args)]
@@ -54,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let wishes = job.wishes(&arguments.choices.wishes().on(adapter.kind));
     let geometry = session::geometry(&scene, &wishes)?;
-    let wishes = coverage::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
+    let wishes = preview::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
     let decision = auto::decide(&wishes, &geometry, &adapter);
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);

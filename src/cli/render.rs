@@ -17,7 +17,7 @@ use crate::render::plan::{Job, Plan};
 use crate::render::rounds::{Goal, MOST_SAMPLES};
 use crate::render::spans::{Span, Spans};
 use crate::render::work::count_work;
-use crate::render::{auto, coverage};
+use crate::render::{auto, preview};
 use crate::report::atomic::{Output, refuse_overwriting};
 use crate::report::manifest::Manifest;
 use crate::report::png::Encoding;
@@ -241,7 +241,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let begin = Instant::now();
-    let wishes = coverage::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
+    let wishes = preview::wishes_for(&job, &wishes, &scene, &geometry, adapter.kind);
     let decision = auto::decide(&wishes, &geometry, adapter);
     auto::check_stack(decision.settings.method, &geometry, arguments.choices.allow_overflow)?;
     let plan = Plan::new(job, &scene, &geometry, &decision, &adapter.limits)?;

@@ -3,8 +3,8 @@
 
 use super::builder::why_builder;
 use super::choices::{
-    Accessor, Accumulator, Covered, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
-    Wishes,
+    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Preview, Sampler,
+    Settings, Slabs, Wishes,
 };
 use super::geometry::Geometry;
 use super::plan::{accessor_of, kernels_of};
@@ -42,33 +42,20 @@ const EDGES_FOR_COST: f64 = 9.5;
 /// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
 /// 0.74 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
-/// Samples of a camera ray from which a second kernel may pay on a GPU.
+/// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture.
 const SPLIT_FROM_SAMPLES: u32 = 4;
-/// From this SAH cost on it does whatever the picture covers: rays take so long that a second kernel's own time counts for little (measured on an H100: at 4
-/// samples `split` has 1.34 times the rate of `single` with `ordered` walks on a hairball of 50,000 triangles and cost 86, 1.03 to 1.13 times with `postponed` on
-/// costs of 117 to 189, where stealing adds 1.2 more).
-const LONG_WALKS_FROM_COST: f64 = 75.0;
-
-/// A picture of which so much is covered keeps a GPU busy with one kernel, which spares it the wait for the last camera ray; others gain by lanes that
-/// share a pixel.
-struct Full {
-    samples: std::ops::Range<u32>,
-    camera_rays: u64,
-    percent: u32,
-}
-
-/// Measured on an H100 with `entry` on eleven scenes, of which 7 to 100% is covered, at 512x320, 1024x640 and 1920x1080. `single` over `split`, with stealing: at 4 samples
-/// 1.09 to 1.5 where the first row holds; elsewhere 0.7 to 1.0, but 1.17 on trees of leaves at 1024x640. At 8 samples 1.12 to 1.31 where the second one holds, 0.57 to 1.01 elsewhere; at 16
-/// 1.08 to 1.22 and 0.4 to 1.08.
-const FULL: [Full; 2] = [
-    Full { samples: SPLIT_FROM_SAMPLES..8, camera_rays: 56_000, percent: 25 },
-    Full { samples: 8..32, camera_rays: 196_608, percent: 30 },
-];
-/// The first row without stealing, where a lane that shares a pixel waits for the others: whatever is covered (there, `split` had 0.72 to 1.18 times the rate of `single` at
-/// 4 samples, 1.33 on a hairball of 5,000 triangles).
-const FULL_BEFORE: u32 = 8;
-/// Samples of a camera ray for which the picture decides.
-pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..32;
+const SPLIT_ALWAYS_FROM: u32 = 32;
+/// Samples for which the picture decides.
+pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_ALWAYS_FROM;
+/// One kernel, which need not wait for the last camera ray, is the fastest between them where rays take fewer steps than this, ...
+const SHORT_WALK: u32 = 20;
+/// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
+///
+/// Measured on an H100 with `entry`, at 512x320, 1024x640 and 1920x1080. Rate of `single` over `split` at 1024x640 and 4 samples, with stealing: rays of 6 to 14 steps (boxes,
+/// Cornell, a city, arcade, maison, a closed room) 1.11 to 1.48; 23 to 36 (stadium, bunny, terrain) 0.87 to 1.03, but 1.17 on trees of leaves; 57 to 107 (hairballs,
+/// a heap) 0.70 to 0.83. At 8 samples 1.0 to 1.31, 0.57 to 0.95 and less. Short rays of 44,000 camera rays 0.88 at 4 samples, of 62,000 to 164,000 1.09 to 1.12; at 8
+/// 0.79 to 0.95 and from 150,000 on 1.0 to 1.31; at 16 0.90 to 1.0 up to 177,000, from 250,000 on 1.08 to 1.22.
+const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
 /// on the arcade of 260,000).
@@ -288,37 +275,29 @@ fn choose_passes(
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Entry | Method::Postponed => {
-            cut_by_rays(wishes, geometry, method == Method::Entry && takes_over_work(wishes, adapter))
-        }
+        Method::Ordered | Method::Entry | Method::Postponed => cut_by_rays(wishes),
         _ => (Passes::Single, "one kernel does all of a pixel"),
     }
 }
 
 /// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
-fn cut_by_rays(wishes: &Wishes, geometry: &Geometry, steals: bool) -> (Passes, &'static str) {
+fn cut_by_rays(wishes: &Wishes) -> (Passes, &'static str) {
     if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
         return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
     }
-    let of_samples =
-        |row: &&Full| wishes.samples.is_some_and(|samples| row.samples.contains(&samples));
-    let full = FULL.iter().find(of_samples).is_some_and(|row| {
-        let enough = |covered: Covered| covered.camera_rays >= row.camera_rays && covered.percent >= row.percent;
-        !steals && wishes.fewer_samples(FULL_BEFORE) || wishes.covered.is_some_and(enough)
-    });
-    if !full {
-        return (Passes::Split, "ambient rays of few pixels would hold up the others");
+    let Some(samples) = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples)) else {
+        return (Passes::Split, "many rays of a pixel are done soonest by several invocations");
+    };
+    match wishes.preview {
+        Some(Preview { steps, .. }) if steps >= SHORT_WALK => {
+            (Passes::Split, "rays that take long are done soonest by several invocations for a pixel")
+        }
+        Some(Preview { camera_rays, .. }) if camera_rays >= u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE => (
+            Passes::Single,
+            "a well covered picture keeps a GPU busy with short rays, and no kernel waits for the last camera ray",
+        ),
+        _ => (Passes::Split, "where few pixels have rays, several invocations for each keep a GPU busy"),
     }
-    if geometry.quality().sah_cost >= LONG_WALKS_FROM_COST {
-        return (
-            Passes::Split,
-            "rays take so long in this tree that a second kernel's own time counts for little",
-        );
-    }
-    (
-        Passes::Single,
-        "a well covered picture keeps a GPU busy with few rays of a pixel, and no kernel waits for the last camera ray",
-    )
 }
 
 /// The feature of a device whose kernels may read by address.

@@ -202,13 +202,13 @@ pub struct Settings {
     pub slabs: Slabs,
 }
 
-/// How much of a picture the scene covers, about.
+/// What a few rays told of a picture before it is rendered, about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Covered {
+pub struct Preview {
     /// Camera rays that meet the scene.
     pub camera_rays: u64,
-    /// Of all.
-    pub percent: u32,
+    /// Nodes that an ambient ray from there opens, each two boxes, and triangles that it tests, from the root on: the mean.
+    pub steps: u32,
 }
 
 /// Choices made on the command line; the rest is the preset's.
@@ -225,8 +225,8 @@ pub struct Wishes {
     pub slabs: Option<Slabs>,
     /// Ambient rays of a camera ray, if it is known how many there will be.
     pub samples: Option<u32>,
-    /// How much of the picture is covered, where that was looked at.
-    pub covered: Option<Covered>,
+    /// Where the picture was looked at.
+    pub preview: Option<Preview>,
     /// Ambient rays have an end.
     pub bounded: bool,
     pub accessor: Option<Accessor>,

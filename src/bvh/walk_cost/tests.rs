@@ -150,3 +150,54 @@ fn a_ray_among_needles_is_left_alone() {
     assert!((MOST_STEPS..MOST_STEPS + u64::from(LEAF_LIMIT)).contains(&most), "{most}");
     assert!(2 * steps.iter().filter(|&&steps| steps >= MOST_STEPS).count() > steps.len(), "{steps:?}");
 }
+
+/// Camera rays see the closest triangle, and what their ambient rays take is what a plain recount finds.
+#[test]
+fn a_look_is_that_of_all_triangles_in_turn() {
+    for (name, triangles) in [("maison", procedural("maison", None)), ("soup", soup(82, 500, 0.4))] {
+        let tree = build(Builder::Sah, &triangles, &|_| ());
+        let ordered: Vec<Triangle> = tree.order.iter().map(|&place| triangles[place as usize]).collect();
+        let root = tree.nodes.last().unwrap().bounds;
+        let (pad, root_place) = (pad_of(&root), tree.nodes.len() as u32 - 1);
+        let mut random = Random::new(83);
+        let mut point = |scale: f32| Vec3::from([0; 3].map(|_| scale * (random.unit() as f32 - 0.5)));
+        let eye = root.center() + 3.0 * (root.max - root.min);
+        let rays: Vec<(Vec3, Vec3)> =
+            (0..400).map(|_| (eye, root.center() + point(2.0) * (root.max - root.min) - eye)).collect();
+        let (mut met, mut steps) = (0u64, 0u64);
+        for (number, &(origin, direction)) in rays.iter().enumerate() {
+            let ray = Ray::new(origin, direction);
+            let hits = ordered
+                .iter()
+                .enumerate()
+                .filter_map(|(place, triangle)| Some((ray.meets_at(triangle)?, place)));
+            let nearest = hits.min_by(|a, b| a.0.total_cmp(&b.0));
+            let found = closest(&tree, &ordered, pad, &ray);
+            assert_eq!(found.map(|hit| hit.0), nearest.map(|hit| hit.0), "{name}");
+            let Some((t, place)) = found else { continue };
+            let [ab, ac] = [ordered[place].ab, ordered[place].ac].map(|edge| Vec3::from(edge).as_dvec3());
+            let normal = ab.cross(ac).normalize();
+            let facing = if normal.dot(direction.as_dvec3()) < 0.0 { normal } else { -normal };
+            let start = origin + t * direction + offset_of(&root) * facing.as_vec3();
+            let ambient = Ray::new(start, ambient_direction(facing, number as u64, 0).unwrap());
+            assert!(
+                ambient.direction.as_dvec3().dot(facing) > -1e-6,
+                "{name}: it leaves the side that is seen"
+            );
+            let mut tested = 0;
+            let mut test = |place: u32| {
+                tested += 1;
+                ambient.meets(&triangles[place as usize])
+            };
+            let (opened, _) = recount(&tree, root_place, &ambient, pad, &mut test);
+            met += 1;
+            steps += opened + tested;
+        }
+        let seen = look(&tree, &ordered, &rays);
+        assert!(met > 20 && met < 400, "{name}: {met}");
+        assert_eq!(seen.part, met as f64 / 400.0, "{name}");
+        assert_eq!(seen.steps, steps as f64 / met as f64, "{name}");
+        let nothing = look(&tree, &ordered, &[(eye, eye - root.center())]);
+        assert_eq!((nothing.part, nothing.steps), (0.0, 0.0));
+    }
+}

@@ -12,7 +12,7 @@ use crate::render::geometry::Geometry;
 use crate::render::picture::Picture;
 use crate::render::plan::{Job, Plan};
 use crate::render::raylist::{Query, RayLists, reach_of};
-use crate::render::{auto, coverage};
+use crate::render::{auto, preview};
 use crate::scene::Scene;
 
 /// The method, a stack as deep as this tree needs.
@@ -60,7 +60,7 @@ impl Lab<'_> {
         wishes: &Wishes,
     ) -> Result<Plan<'g>> {
         let adapter = self.device.adapter();
-        let wishes = coverage::wishes_for(&job, wishes, scene, geometry, adapter.kind);
+        let wishes = preview::wishes_for(&job, wishes, scene, geometry, adapter.kind);
         let decision = auto::decide(&wishes, geometry, adapter);
         Plan::new(job, scene, geometry, &decision, &adapter.limits)
     }

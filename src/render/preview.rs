@@ -1,10 +1,10 @@
-//! How much of a picture a scene covers, told before it is rendered by a few camera rays on the host: where it decides which kernels are
-//! the fastest.
+//! What a few rays on the host tell of a picture before it is rendered: how much of it the scene covers, and how far ambient rays walk from there. Where
+//! that decides which kernels are the fastest.
 
 use glam::{DVec3, Vec3};
 
 use super::auto;
-use super::choices::{Covered, Preset, Wishes};
+use super::choices::{Preset, Preview, Wishes};
 use super::geometry::Geometry;
 use super::plan::Job;
 use crate::bvh::walk_cost;
@@ -29,11 +29,10 @@ pub fn wishes_for(
         && wishes.passes.is_none()
         && !wishes.preset.is_some_and(Preset::is_original)
         && wishes.samples.is_some_and(|samples| auto::PICTURE_DECIDES.contains(&samples));
-    Wishes { covered: decides.then(|| covered(job, scene, geometry)), ..wishes }
+    Wishes { preview: decides.then(|| preview(job, scene, geometry)), ..wishes }
 }
 
-/// The part of a job's camera rays that meet the scene.
-fn covered(job: &Job, scene: &Scene, geometry: &Geometry) -> Covered {
+fn preview(job: &Job, scene: &Scene, geometry: &Geometry) -> Preview {
     let fan = job.camera.rays(&scene.bounds, &geometry.placement, job.size, RayModel::Eye);
     let (width, height) = (f64::from(job.size.0), f64::from(job.size.1));
     let ray = |number: u32| {
@@ -44,10 +43,10 @@ fn covered(job: &Job, scene: &Scene, geometry: &Geometry) -> Covered {
         (along(fan.origin), along(fan.direction))
     };
     let rays: Vec<_> = (0..RAYS).map(ray).collect();
-    let part = walk_cost::part_that_meets(&geometry.tree, &geometry.triangles, &rays);
-    Covered {
-        camera_rays: (part * width * height * f64::from(job.jitters)) as u64,
-        percent: (part * 100.0) as u32,
+    let seen = walk_cost::look(&geometry.tree, &geometry.triangles, &rays);
+    Preview {
+        camera_rays: (seen.part * width * height * f64::from(job.jitters)) as u64,
+        steps: seen.steps as u32,
     }
 }
 
@@ -112,7 +111,7 @@ mod tests {
         ] {
             let (low, high) = (DVec2::from(low), DVec2::from(high));
             let (scene, geometry, job) = rectangle(low, high, 8);
-            let found = covered(&job, &scene, &geometry);
+            let found = preview(&job, &scene, &geometry);
             let half = DVec2::new(20.0, 10.0);
             let seen = (high.min(half) - low.max(-half)).max(DVec2::ZERO);
             let part = seen.x * seen.y / 800.0;
@@ -120,7 +119,6 @@ mod tests {
                 (found.camera_rays as f64 / 640_000.0 - part).abs() < 0.01,
                 "{low} {high}: {found:?}, {part}"
             );
-            assert!((f64::from(found.percent) - 100.0 * part).abs() < 2.0, "{low} {high}: {found:?}, {part}");
         }
     }
 
@@ -128,11 +126,11 @@ mod tests {
     fn pictures_of_any_size_have_a_number_of_camera_rays() {
         let (scene, geometry, job) = rectangle(DVec2::splat(-60.0), DVec2::splat(60.0), 8);
         let job = Job { size: (u32::MAX, u32::MAX), jitters: u32::MAX, ..job };
-        assert_eq!(covered(&job, &scene, &geometry), Covered { camera_rays: u64::MAX, percent: 100 });
+        assert_eq!(preview(&job, &scene, &geometry).camera_rays, u64::MAX);
         let nowhere =
             Camera::Pinhole { eye: [f64::MAX; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 90.0 };
         let job = Job { camera: nowhere, size: (1, 1), ..job };
-        assert_eq!(covered(&job, &scene, &geometry).percent, 0);
+        assert_eq!(preview(&job, &scene, &geometry), Preview { camera_rays: 0, steps: 0 });
     }
 
     #[test]
@@ -151,7 +149,7 @@ mod tests {
         ] {
             let (scene, geometry, job) = rectangle(DVec2::NEG_ONE, DVec2::ONE, samples);
             let found = wishes_for(&job, &wishes, &scene, &geometry, device);
-            assert_eq!(found.covered.is_some(), told, "{samples} {wishes:?} {device:?}");
+            assert_eq!(found.preview.is_some(), told, "{samples} {wishes:?} {device:?}");
             assert_eq!(found.samples, Some(samples));
         }
     }
