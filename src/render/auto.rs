@@ -51,10 +51,10 @@ pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPL
 const SHORT_WALK: u32 = 20;
 /// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
 ///
-/// Measured on an H100 with `entry`, at 512x320, 1024x640 and 1920x1080. Rate of `single` over `split` at 1024x640 and 4 samples, with stealing: rays of 6 to 14 steps (boxes,
-/// Cornell, a city, arcade, maison, a closed room) 1.11 to 1.48; 23 to 36 (stadium, bunny, terrain) 0.87 to 1.03, but 1.17 on trees of leaves; 57 to 107 (hairballs,
-/// a heap) 0.70 to 0.83. At 8 samples 1.0 to 1.31, 0.57 to 0.95 and less. Short rays of 44,000 camera rays 0.88 at 4 samples, of 62,000 to 164,000 1.09 to 1.12; at 8
-/// 0.79 to 0.95 and from 150,000 on 1.0 to 1.31; at 16 0.90 to 1.0 up to 177,000, from 250,000 on 1.08 to 1.22.
+/// Measured on an H100 with `entry`, rate of `single` over `split` with stealing (docs/measurements.md). 1024x640, 4 samples: rays of 6 to 15 steps (boxes, Cornell, a closed room, arcade, a
+/// city, maison) 1.12 to 1.48; 23 to 37 (stadium, bunny, terrain) 0.87 to 0.99, but 1.17 on trees of leaves; 54 (a hairball) 0.70. At 8 samples 1.00 to 1.31, 0.77 to 0.95, 0.58.
+/// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
+/// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
