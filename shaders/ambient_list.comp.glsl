@@ -64,11 +64,6 @@ vec2 next_numbers(uint id) {
     return sample_numbers(pixel, id, budget, lcg_state);
 }
 
-// The sample that `seeds` are for.
-uint seeded_sample;
-
-uint lcg_state_of(uint id) { return lcg_jump(seeds[pixel - range.pixel_base], 2u * (id - seeded_sample)); }
-
 Ray make_ray(uint id) {
     vec2 u = next_numbers(id);
     Ray ray = ambient_ray(surface, u);
@@ -88,17 +83,6 @@ bool next_any(out Ray ray, out bool occluded, out uint id) {
     if (more || COMPUTES_ALL) ray = make_ray(id);
     return more;
 }
-
-#ifdef STEALS
-// A ray that `next_any` gave before.
-Ray ray_again(uint id) {
-    uint state = lcg_state;
-    if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_state_of(id);
-    Ray ray = make_ray(id);
-    lcg_state = state;
-    return ray;
-}
-#endif
 
 // An unfinished ray ends the block: what it has is kept, the rest is for another dispatch.
 void retire_any(uint id, bool occluded, bool finished) {
@@ -177,8 +161,8 @@ void main() {
     if (works) {
         Listed entry = listed[place];
         pixel = entry.pixel;
-        seeded_sample = range.sample_begin + entry.skip;
-        sample_next = seeded_sample + gl_WorkGroupID.z * range.block;
+        uint skipped = gl_WorkGroupID.z * range.block;
+        sample_next = range.sample_begin + entry.skip + skipped;
         budget = listed_budget(entry);
         sample_end = min(sample_next + range.block, min(range.sample_end, budget.y));
         first_sample = sample_next;
@@ -186,7 +170,7 @@ void main() {
         sample_next += lane;
         if (KEEPS_HALF) half_seed = sobol_seed(pixel, sample_next);
         if (KEEPS_HALVES) half_seeds = sobol_seeds(pixel);
-        if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_state_of(sample_next);
+        if (SAMPLER == SAMPLER_LCG) lcg_state = lcg_jump(seeds[pixel - range.pixel_base], 2u * skipped);
         HitRecord record = hits[pixel - range.pixel_base];
         Hit hit = Hit(record.t, record.u, record.v, record.index, 0u);
         surface = surface_at(camera_ray(pixel), hit);

@@ -359,6 +359,7 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let brute = Wishes { method: Some(Method::Brute), ..Wishes::default() };
         let brute_moller = Wishes { method: Some(Method::Brute), ..moller };
         let single = Wishes { passes: Some(Passes::Single), ..Wishes::default() };
+        let floats = Wishes { accumulator: Some(Accumulator::Rgba32f), ..Wishes::default() };
         let by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..Wishes::default() };
         let few_split = Wishes { passes: Some(Passes::Split), ..few };
         let scenes = [
@@ -406,6 +407,9 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("hairball", fewer, Method::Postponed, Passes::Single),
             ("hairball", single, Method::Postponed, Passes::Single),
             ("hairball", by_buffers, Method::Postponed, Passes::Split),
+            ("hairball", with(8, 400_000, 10), Method::Postponed, Passes::Single),
+            ("hairball", with(8, 400_000, 90), Method::Entry, Passes::Split),
+            ("hairball", floats, Method::Postponed, Passes::Split),
             ("cornell", brute_moller, Method::Brute, Passes::Single),
             ("cornell", brute, Method::Brute, Passes::Split),
         ] {
@@ -418,7 +422,10 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         for (name, wishes, method, passes) in [
             ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
             ("hairball", few, Method::Postponed, Passes::Split),
-            ("maison", with(4, 50_000, 19), Method::Entry, Passes::Single),
+            ("maison", with(4, 50_000, 49), Method::Entry, Passes::Single),
+            ("maison", with(4, 50_000, 50), Method::Entry, Passes::Split),
+            ("maison", with(8, 100_000, 19), Method::Entry, Passes::Single),
+            ("maison", with(8, 100_000, 20), Method::Entry, Passes::Split),
             ("maison", few, Method::Entry, Passes::Split),
         ] {
             let (_, geometry) = scenes.iter().find(|(known, _)| *known == name).expect("one of them");

@@ -5,7 +5,7 @@ mod common;
 use common::{geometry, job, pinhole, plan, run, scene_named, scene_of, with_device};
 use cousu::bvh::Builder;
 use cousu::layout::Count;
-use cousu::render::choices::{Accessor, Method, Passes, Preset, Wishes};
+use cousu::render::choices::{Accessor, Accumulator, Method, Passes, Preset, Sampler, Wishes};
 use cousu::render::execute;
 use cousu::render::geometry::Geometry;
 use cousu::render::picture::Accumulated;
@@ -92,6 +92,37 @@ fn a_driver_that_leaves_loops_early_loses_no_ray() {
                 if device.adapter().limits.loop_iterations.is_some() && max_distance.is_none() {
                     assert!(whole.repeats > 0, "{method}: this much work should meet the limit");
                 }
+            }
+        }
+    });
+}
+
+/// The same where each ray's weight or numbers follow from those before.
+#[test]
+fn states_that_step_survive_the_limit_of_loops() {
+    with_device(|device| {
+        let scene = scene_named("maison", None);
+        for (preset, sampler) in [(Preset::Original, None), (Preset::Auto, Some(Sampler::Lcg))] {
+            let geometry = geometry(&scene, preset);
+            let render = |accessor, block| {
+                let wishes = Wishes {
+                    preset: Some(preset),
+                    sampler,
+                    method: Some(Method::Entry),
+                    passes: Some(Passes::Split),
+                    accessor: Some(accessor),
+                    accumulator: Some(Accumulator::Count),
+                    ..Wishes::default()
+                };
+                let job = Job { block, ..job(&scene, (16, 10), 0..2048) };
+                run(device, &plan(device, &scene, &geometry, job, wishes))
+            };
+            let cut = render(Accessor::StorageBuffer, None);
+            let whole = render(Accessor::Address, Some(2048));
+            assert!(cut.accumulated == whole.accumulated, "{preset} {sampler:?}");
+            assert_eq!(cut.ambient_rays, whole.ambient_rays, "{preset} {sampler:?}");
+            if device.adapter().limits.loop_iterations.is_some() {
+                assert!(whole.repeats > 0, "{preset}: this much work should meet the limit");
             }
         }
     });

@@ -73,6 +73,8 @@ fn any_number_of_samples() {
             for samples in [0..1, 0..4, 3..8, 0..31, 0..33, 5..70, 0..256] {
                 agree(device, &scene, job(&scene, SIZE, samples), Wishes::default());
             }
+            let long = Job { block: Some(256), ..job(&scene, SIZE, 0..256) };
+            agree(device, &scene, long, Wishes::default());
             let adaptive = Job { adaptive: true, ..job(&scene, SIZE, 0..32) };
             agree(device, &scene, adaptive, Wishes::default());
             let jittered = Job { jitters: 3, ..job(&scene, SIZE, 0..8) };
@@ -122,20 +124,16 @@ fn rays_along_edges() {
     }
     let scene = scene_of(&text);
     with_device(|device| {
+        let geometry = geometry(&scene, Preset::Auto);
         for intersector in INTERSECTORS {
             let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
-            agree(device, &scene, job(&scene, (64, 40), 0..32), wishes);
+            let job = job(&scene, (64, 40), 0..32);
+            agree(device, &scene, job.clone(), wishes);
+            // Another method, whose every test is exact.
+            let exact = Wishes { method: Some(Method::Ordered), passes: Some(Passes::Single), ..wishes };
+            let exact = run(device, &plan(device, &scene, &geometry, job.clone(), exact));
+            let [_, together] = alone_and_together(device, &scene, &job, wishes, Some(4));
+            assert!(exact.accumulated == together.accumulated, "{intersector}");
         }
-        let geometry = geometry(&scene, Preset::Auto);
-        let wishes = Wishes {
-            method: Some(Method::Ordered),
-            passes: Some(Passes::Single),
-            intersector: Some(Intersector::Conservative),
-            ..Wishes::default()
-        };
-        let ordered = run(device, &plan(device, &scene, &geometry, job(&scene, (64, 40), 0..32), wishes));
-        let [_, together] =
-            alone_and_together(device, &scene, &job(&scene, (64, 40), 0..32), Wishes::default(), Some(4));
-        assert!(ordered.accumulated == together.accumulated);
     });
 }

@@ -4,7 +4,7 @@
 // left is a subtree, and together they are the tree. Each ray tests their boxes in shared memory, all lanes the same one
 // at the same time, and walks those that it meets, the nearest first.
 //
-// A walk ends at a triangle that the ray may meet by the test of rough.glsl. Where that is not sure the exact one decides, when the lanes of the
+// Where lanes do not take over each other's work (stealing.glsl), a walk ends at a triangle that the ray may meet by the test of rough.glsl. Where that is not sure the exact one decides, when the lanes of the
 // subgroup are together again; should it fail, a ray that grazes the triangle, the ray walks again with that test at each.
 // Closest hits are those of ordered.glsl.
 // Twin: src/reference/traverse/entry.rs.

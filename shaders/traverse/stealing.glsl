@@ -1,11 +1,11 @@
 // Any hits from entries, where the lanes of a subgroup take over each other's work (work stealing: Blumofe and Leiserson, "Scheduling
-// Multithreaded Computations by Work Stealing", 1999). If each lane walks its own ray to the end, all wait for the longest way, and a quarter
-// of them is at work. Here a lane with nothing to do takes its next ray or, where it has none, a subtree that waits for another
+// Multithreaded Computations by Work Stealing", 1999). If each lane walks its own ray to the end, all wait for the longest way, and a fifth to a
+// half of them is at work (docs/measurements.md). Here a lane with nothing to do takes its next ray or, where it has none, a subtree that waits for another
 // lane's ray. That ray's bit tells who else walks for it when it is occluded.
 //
 // Rays are made by all lanes together, a batch, when none of the batch before waits for a lane; so the last rays of a batch go beside the first of the next.
 // A triangle that the ray may meet, but not surely, ends no walk. The exact test decides at the very end, for rays that met no other one:
-// in the walk it would take a GPU an eighth of its time.
+// in the walk it would take a GPU an eighth of its time. Who walks what changes no answer: the twin is that of entry.glsl.
 
 // Nodes that a lane visits at most before the subgroup looks who needs work: with fewer, votes cost more than what they gain.
 #define NODES_BETWEEN_VOTES 4u
@@ -13,8 +13,8 @@
 #define ONE_IDLE_IN 4u
 // Leaves wait for one another until so many eighths of the lanes have one, or none can go on without.
 #define EIGHTHS_WITH_LEAVES 3u
-// Bits of a word. Where a driver may leave loops early, so that a lane has a pixel to itself, each batch is told of before the next is made: else rays that come to their end
-// within its limit would not be counted because later ones did not.
+// Bits of a word. With a lane a pixel each batch is told of before the next is made: so it is where a driver may leave loops early, and rays that come to their end within its limit must
+// not be lost because later ones do not; and where numbers or weights follow from ray to ray.
 #define MOST_BATCHES (SAMPLE_LANES == 1u ? 1u : 32u)
 
 // Of the rays that an invocation made, a bit for each batch: those that met a triangle surely, and those that may have met one.
@@ -38,6 +38,9 @@ uint waiting;
 Ray made_ray;
 uint made_bit;
 uint made_entries;
+
+// Of the subgroup: a driver may run fewer than it tells of.
+uint lanes;
 
 uint lanes_with(bool condition) { return subgroupBallotBitCount(subgroupBallot(condition)); }
 
@@ -65,7 +68,7 @@ void hand_over() {
         uint rank = subgroupBallotExclusiveBitCount(takes ? takers : givers);
         takes = takes && rank < pairs;
         gives = gives && rank < pairs;
-        uint place = gl_SubgroupID * gl_SubgroupSize + rank;
+        uint place = gl_LocalInvocationIndex - gl_SubgroupInvocationID + rank;
         if (gives) giving_lanes[place] = gl_SubgroupInvocationID;
         subgroupBarrier();
         uint from = takes ? giving_lanes[place] : gl_SubgroupInvocationID;
@@ -124,6 +127,7 @@ bool test_leaf() {
 void run_batches() {
     occluded_rays[gl_LocalInvocationIndex] = 0u;
     unsure_rays[gl_LocalInvocationIndex] = 0u;
+    lanes = lanes_with(true);
     walk_for(Ray(vec3(0.0), vec3(0.0), 0.0), gl_LocalInvocationIndex, 0u);
     made_ray = walked;
     made_bit = 0u;
@@ -142,7 +146,7 @@ void run_batches() {
     bool more = true;
     while (more) {
         uint idle = lanes_with(!walks());
-        if (idle * ONE_IDLE_IN >= gl_SubgroupSize) {
+        if (idle * ONE_IDLE_IN >= lanes) {
             if (open && !subgroupAny(made_entries != 0u)) {
                 bool occluded;
                 uint id;
@@ -154,6 +158,8 @@ void run_batches() {
                     made_entries = met_entries(grown_ray_of(made_ray), box_limit(made_ray.t_max), finished);
                 }
                 batches++;
+                // Lanes that parted must be together again before they vote.
+                subgroupBarrier();
                 open = batches < MOST_BATCHES && subgroupAny(any_left());
             }
             if (!walks() && made_entries != 0u) {
@@ -162,13 +168,14 @@ void run_batches() {
                 made_entries = 0u;
                 reference = next_entry(waiting);
             }
+            subgroupBarrier();
             hand_over();
         }
         walk_some_nodes();
         // A lane tells all that it comes to know before others look.
         subgroupBarrier();
         uint with_leaf = lanes_with(leaf != NOTHING);
-        if (with_leaf * 8u >= EIGHTHS_WITH_LEAVES * gl_SubgroupSize || !subgroupAny(reference >= 0)) {
+        if (with_leaf * 8u >= EIGHTHS_WITH_LEAVES * lanes || !subgroupAny(reference >= 0)) {
             if (leaf != NOTHING) finished = test_leaf() && finished;
             subgroupBarrier();
             if ((occluded_rays[maker] & maker_bit) != 0u) {
@@ -176,6 +183,8 @@ void run_batches() {
                 top = 0;
                 waiting = 0u;
             }
+            if ((occluded_rays[gl_LocalInvocationIndex] & made_bit) != 0u) made_entries = 0u;
+            subgroupBarrier();
         }
         more = subgroupAny(open || walks() || made_entries != 0u);
     }
@@ -184,13 +193,15 @@ void run_batches() {
     bool ended = subgroupAll(finished && !open && !walks() && made_entries == 0u);
     uint met = occluded_rays[gl_LocalInvocationIndex];
     uint unsure = unsure_rays[gl_LocalInvocationIndex] & ~met;
+    if (!ended && made > 0u) retire_any(first_id, false, false);
     for (uint batch = 0u; batch < made && ended; batch++) {
         uint id = first_id + batch * SAMPLE_LANES;
         uint bit = 1u << batch;
         bool occluded = (met & bit) != 0u;
-        if (ORIGINAL || (unsure & bit) != 0u) {
-            Ray ray = ray_again(id);
-            if (ended && (unsure & bit) != 0u) ended = any_hit_left_first(ray, occluded);
+        if ((unsure & bit) != 0u) {
+            Ray ray = made_ray;
+            if (MOST_BATCHES > 1u) ray = make_ray(id);
+            ended = any_hit_left_first(ray, occluded);
         }
         retire_any(id, occluded, ended);
     }

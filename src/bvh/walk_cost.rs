@@ -51,6 +51,8 @@ struct Ray {
     origin: Vec3,
     direction: Vec3,
     inverse: Vec3,
+    /// In lengths of the direction.
+    t_max: f32,
 }
 
 /// What a ray's walk took.
@@ -153,9 +155,9 @@ pub struct Seen {
     pub steps: f64,
 }
 
-/// Traces camera rays, each an origin and a direction, and an ambient ray from each surface that is met, on the side that is seen. `triangles`: in the order of
-/// the tree's leaves. A ray that takes [`MOST_STEPS`] is left alone: it counts with what it has met and taken so far.
-pub fn look(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)]) -> Seen {
+/// Traces camera rays, each an origin and a direction, and an ambient ray of at most this length from each surface that is met, on the side that is seen. `triangles`: in the
+/// order of the tree's leaves. A ray that takes [`MOST_STEPS`] is left alone: it counts with what it has met and taken so far.
+pub fn look(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)], longest: f32) -> Seen {
     let Some(root) = tree.nodes.last() else { return Seen::default() };
     let pad = pad_of(&root.bounds);
     let offset = offset_of(&root.bounds);
@@ -165,7 +167,8 @@ pub fn look(tree: &Tree, triangles: &[Triangle], rays: &[(Vec3, Vec3)]) -> Seen 
         let normal = ab.cross(ac).normalize();
         let normal = if normal.dot(direction.as_dvec3()) > 0.0 { -normal } else { normal };
         let start = origin + t * direction + offset * normal.as_vec3();
-        let ambient = Ray::new(start, ambient_direction(normal, number as u64, 0)?);
+        let direction = ambient_direction(normal, number as u64, 0)?;
+        let ambient = Ray { t_max: longest / direction.length(), ..Ray::new(start, direction) };
         let walk = walk(tree, |place| &triangles[place], pad, &ambient, stack);
         Some(walk.visits + walk.tests)
     };
@@ -283,7 +286,7 @@ fn rays_from(triangle: &Triangle, number: u64, offset: f32) -> Option<[Ray; RAYS
     let side = if unit(number, 3) < 0.5 { 1.0 } else { -1.0 };
     let normal = side * ab.as_dvec3().cross(ac.as_dvec3()).normalize();
     let origin = a + u * ab + v * ac + offset * normal.as_vec3();
-    let mut rays = [Ray { origin, direction: Vec3::ZERO, inverse: Vec3::ZERO }; RAYS_OF_POINT];
+    let mut rays = [Ray::new(origin, Vec3::ZERO); RAYS_OF_POINT];
     for (place, ray) in rays.iter_mut().enumerate() {
         *ray = Ray::new(origin, ambient_direction(normal, number, 4 + 63 * place as u64)?);
     }
@@ -307,7 +310,7 @@ impl Ray {
     fn new(origin: Vec3, direction: Vec3) -> Self {
         // No division by zero.
         let inverse = 1.0 / direction.map(|d| if d.abs() < 1e-20 { 1e-20 } else { d });
-        Self { origin, direction, inverse }
+        Self { origin, direction, inverse, t_max: f32::INFINITY }
     }
 
     fn meets_box(&self, bounds: &Aabb, pad: f32) -> bool {
@@ -319,7 +322,7 @@ impl Ray {
         let one = (bounds.min - pad - self.origin) * self.inverse;
         let other = (bounds.max + pad - self.origin) * self.inverse;
         let enter = one.min(other).max_element().max(0.0);
-        (enter <= one.max(other).min_element()).then_some(enter)
+        (enter <= one.max(other).min_element().min(self.t_max)).then_some(enter)
     }
 
     fn meets(&self, triangle: &Triangle) -> bool {
@@ -335,6 +338,7 @@ impl Ray {
         let q = s.cross(ab);
         let (u, v) = (s.dot(p), self.direction.dot(q));
         let t = ac.dot(q);
-        (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= det.abs() && t > 0.0).then(|| t / det.abs())
+        let inside = det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= det.abs() && t > 0.0;
+        inside.then(|| t / det.abs()).filter(|&t| t <= self.t_max)
     }
 }

@@ -56,10 +56,15 @@ const SHORT_WALK: u32 = 20;
 /// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
 /// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
+/// The limit of steps for fewer samples than these where no lanes steal (there, at 4 samples and 1024x640 `single` has 1.03 to 1.3 times the rate of `split` on stadium, terrain, bunny and trees, 0.75
+/// on a hairball of 5,000 triangles; at 8 0.86 to 0.93 on the first three, 1.17 on the trees).
+const SHORT_WALK_ALONE: u32 = 50;
+const ALONE_BELOW_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
 /// on the arcade of 260,000).
 const WIDE_FROM: usize = 3_000_000;
+/// (Before lanes of `entry` took over each other's work in `split`; not measured since.)
 const WIDE_UP_TO_SAMPLES: u32 = 8;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
@@ -222,14 +227,21 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
     }
 }
 
-/// Whether lanes of `entry` would take over each other's work.
-fn takes_over_work(wishes: &Wishes, adapter: &Adapter) -> bool {
+/// Whether lanes of `entry` could take over each other's work in several batches of rays, if passes are `split`.
+fn can_take_over_work(wishes: &Wishes, adapter: &Adapter) -> bool {
     let kernel = find_kernel("ambient_list/entry/address");
     adapter.kind != DeviceKind::Cpu
         && kernel.and_then(|kernel| check_subgroup(kernel, adapter)).is_ok()
         && matches!(wishes.accessor, None | Some(Accessor::Address))
-        && matches!(wishes.passes, None | Some(Passes::Split))
+        && matches!(wishes.accumulator, None | Some(Accumulator::Count))
+        && wishes.sampler != Some(Sampler::Lcg)
         && !wishes.fewer_samples(SPLIT_FROM_SAMPLES)
+}
+
+/// Whether they would.
+fn takes_over_work(wishes: &Wishes, adapter: &Adapter) -> bool {
+    can_take_over_work(wishes, adapter)
+        && wishes.passes.unwrap_or_else(|| cut_by_rays(wishes, true).0) == Passes::Split
 }
 
 /// Whether `brute` would find each face's edges for many rays at once.
@@ -275,21 +287,24 @@ fn choose_passes(
         _ if on_cpu => {
             (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
         }
-        Method::Ordered | Method::Entry | Method::Postponed => cut_by_rays(wishes),
+        Method::Ordered | Method::Entry | Method::Postponed => {
+            cut_by_rays(wishes, method == Method::Entry && can_take_over_work(wishes, adapter))
+        }
         _ => (Passes::Single, "one kernel does all of a pixel"),
     }
 }
 
 /// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
-fn cut_by_rays(wishes: &Wishes) -> (Passes, &'static str) {
+fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, &'static str) {
     if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
         return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
     }
     let Some(samples) = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples)) else {
         return (Passes::Split, "many rays of a pixel are done soonest by several invocations");
     };
+    let alone = !steals && samples < ALONE_BELOW_SAMPLES;
     match wishes.preview {
-        Some(Preview { steps, .. }) if steps >= SHORT_WALK => {
+        Some(Preview { steps, .. }) if steps >= if alone { SHORT_WALK_ALONE } else { SHORT_WALK } => {
             (Passes::Split, "rays that take long are done soonest by several invocations for a pixel")
         }
         Some(Preview { camera_rays, .. }) if camera_rays >= u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE => (

@@ -43,7 +43,8 @@ fn preview(job: &Job, scene: &Scene, geometry: &Geometry) -> Preview {
         (along(fan.origin), along(fan.direction))
     };
     let rays: Vec<_> = (0..RAYS).map(ray).collect();
-    let seen = walk_cost::look(&geometry.tree, &geometry.triangles, &rays);
+    let longest = job.max_distance.map_or(f32::INFINITY, |longest| geometry.placement.length(longest) as f32);
+    let seen = walk_cost::look(&geometry.tree, &geometry.triangles, &rays, longest);
     Preview {
         camera_rays: (seen.part * width * height * f64::from(job.jitters)) as u64,
         steps: seen.steps as u32,

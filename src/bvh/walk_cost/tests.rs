@@ -193,11 +193,13 @@ fn a_look_is_that_of_all_triangles_in_turn() {
             met += 1;
             steps += opened + tested;
         }
-        let seen = look(&tree, &ordered, &rays);
+        let seen = look(&tree, &ordered, &rays, f32::INFINITY);
         assert!(met > 20 && met < 400, "{name}: {met}");
         assert_eq!(seen.part, met as f64 / 400.0, "{name}");
         assert_eq!(seen.steps, steps as f64 / met as f64, "{name}");
-        let nothing = look(&tree, &ordered, &[(eye, eye - root.center())]);
+        let short = look(&tree, &ordered, &rays, 0.01 * (root.max - root.min).length());
+        assert!(short.part == seen.part && short.steps < seen.steps, "{name}: {short:?}, {seen:?}");
+        let nothing = look(&tree, &ordered, &[(eye, eye - root.center())], f32::INFINITY);
         assert_eq!((nothing.part, nothing.steps), (0.0, 0.0));
     }
 }
