@@ -206,9 +206,10 @@ fn closest(tree: &Tree, triangles: &[Triangle], pad: f32, ray: &Ray) -> Option<(
                 stack.extend(met.into_iter().flatten());
             }
             Content::Leaf { first, count } => {
-                for place in first as usize..(first + count) as usize {
+                let places = first as usize..(first + count) as usize;
+                for (place, triangle) in places.clone().zip(&triangles[places]) {
                     steps += 1;
-                    if let Some(t) = ray.meets_at(&triangles[place]).filter(|&t| t < nearest) {
+                    if let Some(t) = ray.meets_at(triangle).filter(|&t| t < nearest) {
                         nearest = t;
                         hit = Some((t, place));
                     }

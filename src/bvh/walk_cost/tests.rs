@@ -160,7 +160,7 @@ fn a_look_is_that_of_all_triangles_in_turn() {
         let root = tree.nodes.last().unwrap().bounds;
         let (pad, root_place) = (pad_of(&root), tree.nodes.len() as u32 - 1);
         let mut random = Random::new(83);
-        let mut point = |scale: f32| Vec3::from([0; 3].map(|_| scale * (random.unit() as f32 - 0.5)));
+        let mut point = |scale: f32| Vec3::from([0; 3].map(|_| scale * (random.unit() - 0.5)));
         let eye = root.center() + 3.0 * (root.max - root.min);
         let rays: Vec<(Vec3, Vec3)> =
             (0..400).map(|_| (eye, root.center() + point(2.0) * (root.max - root.min) - eye)).collect();
