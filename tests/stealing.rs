@@ -6,9 +6,7 @@ mod common;
 use common::{INTERSECTORS, geometry, job, plan, run, scene_named, scene_of, with_device};
 use cousu::kernels::NodeLayout;
 use cousu::layout::SPEC_SAMPLE_LANES;
-use cousu::render::choices::{
-    Accessor, Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes,
-};
+use cousu::render::choices::{Accessor, Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
 use cousu::render::execute::Outcome;
 use cousu::render::plan::Job;
 use cousu::scene::Scene;
