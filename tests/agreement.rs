@@ -417,6 +417,16 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             let settings = auto::decide(&wishes, geometry, &gpu).settings;
             assert_eq!((settings.method, settings.passes), (method, passes), "{name} {wishes:?}");
         }
+        let (_, maison) = scenes.iter().find(|(known, _)| *known == "maison").expect("one of them");
+        for (wishes, told) in [
+            (with(4, 123_456, 21), "about 21 steps, at least 20,"),
+            (with(4, 34_567, 7), "about 34567 camera rays meet the scene, fewer than 50000:"),
+            (with(8, 123_456, 7), "about 123456 camera rays meet the scene, at least 100000,"),
+        ] {
+            let reasons = auto::decide(&wishes, maison, &gpu).reasons;
+            let reason = reasons.iter().find(|reason| reason.what == "passes").expect("a reason");
+            assert!(reason.why.contains(told), "{}", reason.why);
+        }
         // Where lanes cannot take over each other's work.
         gpu.features.retain(|(name, _)| *name != "buffer device address");
         for (name, wishes, method, passes) in [

@@ -134,7 +134,7 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
                 "exact, and it adds up in any order",
             );
             let (passes, why) = choose_passes(wishes, method, geometry, adapter);
-            choose("passes", wishes.passes.map(Passes::name), passes.name(), why);
+            choose("passes", wishes.passes.map(Passes::name), passes.name(), &why);
             choose(
                 "offset",
                 wishes.offset.map(Offset::name),
@@ -277,41 +277,52 @@ fn choose_passes(
     method: Method,
     geometry: &Geometry,
     adapter: &Adapter,
-) -> (Passes, &'static str) {
+) -> (Passes, String) {
     let on_cpu = adapter.kind == DeviceKind::Cpu;
     match method {
         Method::Brute if !on_cpu && takes_faces(wishes, geometry, adapter) => {
-            (Passes::Split, "many of a pixel's rays share what a face costs")
+            (Passes::Split, "many of a pixel's rays share what a face costs".into())
         }
-        Method::Brute => (Passes::Single, "one kernel does all of a pixel"),
-        _ if on_cpu => {
-            (Passes::Split, "a CPU device does the work in many dispatches, and camera rays' hits are kept")
-        }
+        Method::Brute => (Passes::Single, "one kernel does all of a pixel".into()),
+        _ if on_cpu => (
+            Passes::Split,
+            "a CPU device does the work in many dispatches, and camera rays' hits are kept".into(),
+        ),
         Method::Ordered | Method::Entry | Method::Postponed => {
             cut_by_rays(wishes, method == Method::Entry && can_take_over_work(wishes, adapter))
         }
-        _ => (Passes::Single, "one kernel does all of a pixel"),
+        _ => (Passes::Single, "one kernel does all of a pixel".into()),
     }
 }
 
 /// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
-fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, &'static str) {
+fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
     if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
-        return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was");
+        return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was".into());
     }
-    let Some(samples) = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples)) else {
-        return (Passes::Split, "many rays of a pixel are done soonest by several invocations");
+    let samples = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples));
+    let (Some(samples), Some(Preview { camera_rays, steps })) = (samples, wishes.preview) else {
+        return (Passes::Split, "many rays of a pixel are done soonest by several invocations".into());
     };
     let alone = !steals && samples < ALONE_BELOW_SAMPLES;
-    match wishes.preview {
-        Some(Preview { steps, .. }) if steps >= if alone { SHORT_WALK_ALONE } else { SHORT_WALK } => {
-            (Passes::Split, "rays that take long are done soonest by several invocations for a pixel")
-        }
-        Some(Preview { camera_rays, .. }) if camera_rays >= u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE => (
-            Passes::Single,
-            "a well covered picture keeps a GPU busy with short rays, and no kernel waits for the last camera ray",
-        ),
-        _ => (Passes::Split, "where few pixels have rays, several invocations for each keep a GPU busy"),
+    let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
+    let enough = u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE;
+    if steps >= short {
+        let why = format!(
+            "rays of about {steps} steps, at least {short}, are done soonest by several invocations for a pixel"
+        );
+        (Passes::Split, why)
+    } else if camera_rays < enough {
+        let why = format!(
+            "about {camera_rays} camera rays meet the scene, fewer than {enough}: several invocations for each keep a GPU busy"
+        );
+        (Passes::Split, why)
+    } else {
+        let why = format!(
+            "about {camera_rays} camera rays meet the scene, at least {enough}, and keep a GPU busy with rays of about {steps} steps; \
+             no kernel waits for the last of them"
+        );
+        (Passes::Single, why)
     }
 }
 
