@@ -467,6 +467,8 @@ constants! {
     SPEC_CELLS = 16;
     /// Nodes by their centres are compact ones.
     SPEC_COMPACT = 17;
+    /// The driver may leave a loop before its condition fails.
+    SPEC_LEAVES_LOOPS = 18;
 
     /// Bits of the cells of a set of 64 samples or more.
     SOBOL_CELL_BITS = 5;

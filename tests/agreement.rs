@@ -286,19 +286,22 @@ fn compact_nodes_count_the_same_rays() {
 #[test]
 fn large_scenes_have_compact_nodes() {
     with_device(|device| {
-        let scenes = [("terrain", 50_000), ("terrain", 800_000), ("hairball", 100_000)];
-        let [small, large, dense] = scenes.map(|(name, triangles)| {
+        let scenes = [("terrain", 2_000), ("terrain", 50_000), ("terrain", 800_000), ("hairball", 100_000)];
+        let [tiny, small, large, dense] = scenes.map(|(name, triangles)| {
             let scene = scene_named(name, Some(triangles));
             let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
             (scene, geometry)
         });
         for ((scene, geometry), method, passes, expected) in [
             (&small, Method::Entry, Passes::Single, NodeLayout::Compact),
-            (&small, Method::Entry, Passes::Split, NodeLayout::Centred),
+            (&small, Method::Entry, Passes::Split, NodeLayout::Compact),
+            (&tiny, Method::Entry, Passes::Split, NodeLayout::Centred),
+            (&tiny, Method::Postponed, Passes::Single, NodeLayout::Centred),
             (&small, Method::Ordered, Passes::Single, NodeLayout::Pair),
             (&large, Method::Entry, Passes::Split, NodeLayout::Compact),
             (&dense, Method::Postponed, Passes::Split, NodeLayout::Compact),
             (&small, Method::Postponed, Passes::Split, NodeLayout::Centred),
+            (&large, Method::Postponed, Passes::Split, NodeLayout::Compact),
             (&dense, Method::Packet, Passes::Split, NodeLayout::Pair),
         ] {
             let wishes = Wishes { method: Some(method), passes: Some(passes), ..Wishes::default() };

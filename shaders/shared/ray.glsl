@@ -3,6 +3,11 @@
 // How far rays go that have no end: the largest float.
 #define UNBOUNDED 3.40282346638528859812e38
 
+// Whether the driver may leave a loop before its condition fails. Then each loop has to prove its end by what it came to. Elsewhere it is over when it is
+// over, and to ask costs up to a twentieth of a kernel's time on an H100, for the counter is kept beyond the loop.
+CONSTANT(SPEC_LEAVES_LOOPS, bool, LEAVES_LOOPS, true);
+#define CAME_TO_END(proof) (!LEAVES_LOOPS || (proof))
+
 // What a method does before any hits, where it needs to know where they start; see traverse/entry.glsl and edges.glsl.
 #define BEGIN_ANY(works, start)
 

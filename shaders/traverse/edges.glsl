@@ -65,7 +65,7 @@ Bounds own_bounds(uint first, uint faces) {
         first += gl_SubgroupSize; \
         if (first < end) own = own_bounds(first, end); \
     } \
-    bool finished = asked == end && left == 0u;
+    bool finished = CAME_TO_END(asked == end && left == 0u);
 
 #ifdef USES_CLOSEST
 
@@ -226,7 +226,7 @@ uint ask_together(uint unsure, inout bool finished) {
         }
         subgroupBarrier();
         hit = subgroupAny(hit);
-        finished = finished && (hit || asked == range.triangle_end);
+        finished = finished && CAME_TO_END(hit || asked == range.triangle_end);
         if (gl_SubgroupInvocationID == asker) {
             if (hit) occluded |= 1u << place;
             unsure &= unsure - 1u;
@@ -235,7 +235,7 @@ uint ask_together(uint unsure, inout bool finished) {
         subgroupBarrier();
         asking = subgroupBallot(unsure != 0u);
     }
-    finished = finished && unasked == 0;
+    finished = finished && CAME_TO_END(unasked == 0);
     return occluded;
 }
 

@@ -139,7 +139,7 @@ uint met_entries(GrownRay ray, float t_max, inout bool finished) {
     for (; i < count; i++) {
         if (meets_grown(ray, entry_center[i].xyz, entry_half[i].xyz, t_max)) met |= 1u << i;
     }
-    finished = finished && i == count;
+    finished = finished && CAME_TO_END(i == count);
     return met;
 }
 
@@ -178,7 +178,7 @@ bool find_triangle(Ray ray, GrownRay grown_ray, out int found) {
             for (; index <= last && found < 0; index++) {
                 if (verdict_of(ray, index) != MISSES) found = index;
             }
-            finished = finished && (found >= 0 || index > last);
+            finished = finished && CAME_TO_END(found >= 0 || index > last);
             more = found < 0 && (top > 0 || waiting != 0u);
             reference = !more ? NOTHING : top > 0 ? stack[--top] : next_entry(waiting);
         }

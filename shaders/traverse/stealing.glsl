@@ -120,7 +120,7 @@ bool test_leaf() {
     if (meets) atomicOr(occluded_rays[maker], maker_bit);
     if (!meets && unsure) atomicOr(unsure_rays[maker], maker_bit);
     leaf = NOTHING;
-    return meets || index > last;
+    return CAME_TO_END(meets || index > last);
 }
 
 // Up to MOST_BATCHES rays of each lane.

@@ -27,6 +27,8 @@ pub struct Decision {
     pub accessor: Accessor,
     /// Most invocations that may share a pixel's samples.
     pub sample_lanes: u32,
+    /// Whether loops have to prove that they came to their end.
+    pub leaves_loops: bool,
     pub reasons: Vec<Reason>,
 }
 
@@ -172,9 +174,10 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     note("accessor", accessor.name().into(), why);
     note("builder", settings.builder.name().into(), &why_builder(wishes, geometry));
     // Where a driver leaves loops early a block must be able to begin with the ray that was left.
-    let narrow = adapter.kind == DeviceKind::Cpu || adapter.limits.loop_iterations.is_some();
+    let leaves_loops = adapter.limits.loop_iterations.is_some();
+    let narrow = adapter.kind == DeviceKind::Cpu || leaves_loops;
     let sample_lanes = if narrow { 1 } else { SAMPLE_LANES };
-    Decision { settings, accessor, sample_lanes, reasons }
+    Decision { settings, accessor, sample_lanes, leaves_loops, reasons }
 }
 
 fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Method, String) {

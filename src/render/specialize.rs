@@ -39,6 +39,7 @@ pub fn constants(
         (layout::SPEC_SAMPLE_LANES, sample_lanes(job, settings, decision)),
         (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
         (layout::SPEC_COMPACT, u32::from(takes_compact_nodes(settings, geometry))),
+        (layout::SPEC_LEAVES_LOOPS, u32::from(decision.leaves_loops)),
         (layout::SPEC_BOUNDED, u32::from(frame.ambient_t_max < f32::MAX)),
     ];
     constants.extend(constants_of_job(job, settings));
@@ -71,14 +72,13 @@ fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
     decision.sample_lanes.min(1 << (samples.ilog2() / 2))
 }
 
-/// From so many bytes of nodes on `entry` and `postponed` read compact ones: they save caches, but take a few operations more to read (measured on an
-/// H100 at 64 samples with `entry`: ambient rays 1.09 times as fast on a terrain of two million triangles, 0.97 on the arcade of 260,000, 1.02 on a
-/// mesh of 70,000).
-const COMPACT_FROM: u64 = 24 << 20;
-/// The same where caches count for more: where one kernel does all of a pixel, whose rays part sooner (there, with `entry` at 4 samples: 1.13 times the rate
-/// with 70,000 triangles, 1.09 to 1.15 with 260,000, 0.96 with 5,456), ...
-const COMPACT_FROM_IN_ONE: u64 = 2 << 20;
-/// ... and from this SAH cost on, where rays visit many nodes (there, at 64 samples on the hairball of 770,000 triangles, of cost 189: 1.08 times with `entry`, 1.07 with
+/// From so many bytes of nodes on `entry` reads compact ones: they save caches, but take a few operations more to read (measured on an H100 at 64 samples,
+/// by `split` with stealing: 1.04 to 1.10 times the rate on terrains of 20,000 to 600,000 triangles, 1.19 on 300,000 leaves of trees, 1.01 to 1.03 on a mesh of 70,000, 0.98 to 0.99 on the
+/// arcade of 260,000, on maison and on Cornell; by `single` at 4 samples 1.13 with 70,000 triangles, 1.09 to 1.15 with 260,000, 0.96 with 5,456).
+const COMPACT_FROM: u64 = 2 << 20;
+/// So does `postponed` in one kernel, and otherwise from so many on ...
+const COMPACT_FROM_POSTPONED: u64 = 24 << 20;
+/// ... or from this SAH cost on, where rays visit many nodes (there, at 64 samples on the hairball of 770,000 triangles, of cost 189: 1.08 times with `entry`, 1.07 with
 /// `postponed`; of cost 58, 0.94 times with `postponed`).
 const COMPACT_FROM_COST: f64 = 100.0;
 
@@ -87,9 +87,9 @@ fn takes_compact_nodes(settings: &Settings, geometry: &Geometry) -> bool {
         return false;
     }
     let bytes = pack::node_array_bytes(NodeLayout::Centred, &geometry.tree, geometry.collapsed());
-    let in_one = settings.passes == Passes::Single;
-    bytes >= COMPACT_FROM
-        || bytes >= COMPACT_FROM_IN_ONE && (in_one || geometry.quality().sah_cost >= COMPACT_FROM_COST)
+    let soon = settings.method == Method::Entry || settings.passes == Passes::Single;
+    bytes >= COMPACT_FROM_POSTPONED
+        || bytes >= COMPACT_FROM && (soon || geometry.quality().sah_cost >= COMPACT_FROM_COST)
 }
 
 /// Bits of the cells in whose order the job's samples are taken, where all of them are one go and one net.
