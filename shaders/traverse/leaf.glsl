@@ -12,7 +12,7 @@ bool closest_of_leaf(Ray ray, Slabs slabs, int first, int last, inout Hit hit) {
     for (; i <= last; i++) {
         closest_of_triangle(ray, slabs, i, hit);
     }
-    return CAME_TO_END(i > last);
+    return i > last;
 }
 
 bool any_of_leaf(Ray ray, Slabs slabs, int first, int last, inout bool occluded) {
@@ -24,5 +24,5 @@ bool any_of_leaf(Ray ray, Slabs slabs, int first, int last, inout bool occluded)
     for (; i <= last && !occluded; i++) {
         occluded = any_of_triangle(ray, slabs, i);
     }
-    return CAME_TO_END(occluded || i > last);
+    return occluded || i > last;
 }
