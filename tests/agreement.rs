@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use common::{INTERSECTORS, job, plan_decided, run, scene_named, with_device};
 use cousu::bvh::Builder;
 use cousu::kernels::NodeLayout;
-use cousu::layout::SPEC_COMPACT;
+use cousu::layout::{SPEC_COMPACT, SPEC_LEAVES_LOOPS};
 use cousu::render::auto::{self, Decision};
 use cousu::render::choices::{
     Accessor, Accumulator, Intersector, Method, Passes, Preset, Preview, Sampler, Wishes,
@@ -282,7 +282,37 @@ fn compact_nodes_count_the_same_rays() {
     });
 }
 
-/// They are taken where whole ones would not stay in a GPU's caches, and where rays visit many nodes.
+/// Loops that do not ask whether the driver left them early, with little enough work that none does, against those that do.
+#[test]
+fn loops_that_need_no_proof_count_the_same_rays() {
+    with_device(|device| {
+        for (name, triangles) in [("cornell", None), ("maison", None), ("hairball", Some(2_000))] {
+            let scene = scene_named(name, triangles);
+            let geometry = Geometry::build(&scene, true, Builder::Sah, &|_| {}).expect("a tree");
+            for (method, passes, accessor) in [
+                (Method::Entry, Passes::Single, Accessor::StorageBuffer),
+                (Method::Entry, Passes::Split, Accessor::StorageBuffer),
+                (Method::Entry, Passes::Split, Accessor::Address),
+                (Method::Brute, Passes::Split, Accessor::StorageBuffer),
+                (Method::Brute, Passes::Split, Accessor::Address),
+            ] {
+                let wishes = Wishes {
+                    method: Some(method),
+                    passes: Some(passes),
+                    accessor: Some(accessor),
+                    ..Wishes::default()
+                };
+                let plan = common::plan(device, &scene, &geometry, job(&scene, SIZE, 0..4), wishes);
+                let [with, without] =
+                    [1, 0].map(|asks| run(device, &plan.clone().with_constant(SPEC_LEAVES_LOOPS, asks)));
+                assert!(with.accumulated == without.accumulated, "{name}, {wishes:?}");
+                assert_eq!((without.overflowed_rays, without.repeats), (0, 0), "{name}, {wishes:?}");
+            }
+        }
+    });
+}
+
+/// Compact nodes are taken where whole ones would not stay in a GPU's caches, and where rays visit many nodes.
 #[test]
 fn large_scenes_have_compact_nodes() {
     with_device(|device| {
@@ -325,6 +355,13 @@ fn a_gpu_reads_by_address_where_it_has_the_kernels() {
         let original = Wishes { preset: Some(Preset::Original), ..auto };
         let staged = Wishes { passes: Some(Passes::Staged), ..auto };
         let asked = Wishes { method: Some(Method::Threaded), accessor: Some(Accessor::Address), ..auto };
+        let limits = device.adapter().limits.loop_iterations;
+        for loop_iterations in [None, Some(65_535)] {
+            gpu.limits.loop_iterations = loop_iterations;
+            let decision = auto::decide(&auto, &geometry, &gpu);
+            assert_eq!(decision.leaves_loops, loop_iterations.is_some());
+        }
+        gpu.limits.loop_iterations = limits;
         for (adapter, wishes, accessor) in [
             (&gpu, auto, Accessor::Address),
             (&older, auto, Accessor::StorageBuffer),

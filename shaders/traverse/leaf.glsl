@@ -2,7 +2,7 @@
 
 CONSTANT(SPEC_LEAF_SIZE, uint, LEAF_SIZE, 8);
 
-// Returns whether it came to its end, as does `any_of_leaf`.
+// Returns whether it came to its end, as does `any_of_leaf`: on any device, since `packet` lost rays on an H100 where it did not ask (docs/measurements.md).
 bool closest_of_leaf(Ray ray, Slabs slabs, int first, int last, inout Hit hit) {
     if (LEAF_SIZE == 1u) {
         closest_of_triangle(ray, slabs, first, hit);

@@ -76,7 +76,7 @@ fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
 /// by `split` with stealing: 1.04 to 1.10 times the rate on terrains of 20,000 to 600,000 triangles, 1.19 on 300,000 leaves of trees, 1.01 to 1.03 on a mesh of 70,000, 0.98 to 0.99 on the
 /// arcade of 260,000, on maison and on Cornell; by `single` at 4 samples 1.13 with 70,000 triangles, 1.09 to 1.15 with 260,000, 0.96 with 5,456).
 const COMPACT_FROM: u64 = 2 << 20;
-/// So does `postponed` in one kernel, and otherwise from so many on ...
+/// So does `postponed` in one kernel; by `split` it does from so many on ...
 const COMPACT_FROM_POSTPONED: u64 = 24 << 20;
 /// ... or from this SAH cost on, where rays visit many nodes (there, at 64 samples on the hairball of 770,000 triangles, of cost 189: 1.08 times with `entry`, 1.07 with
 /// `postponed`; of cost 58, 0.94 times with `postponed`).
@@ -87,9 +87,9 @@ fn takes_compact_nodes(settings: &Settings, geometry: &Geometry) -> bool {
         return false;
     }
     let bytes = pack::node_array_bytes(NodeLayout::Centred, &geometry.tree, geometry.collapsed());
-    let soon = settings.method == Method::Entry || settings.passes == Passes::Single;
+    let always = settings.method == Method::Entry || settings.passes == Passes::Single;
     bytes >= COMPACT_FROM_POSTPONED
-        || bytes >= COMPACT_FROM && (soon || geometry.quality().sah_cost >= COMPACT_FROM_COST)
+        || bytes >= COMPACT_FROM && (always || geometry.quality().sah_cost >= COMPACT_FROM_COST)
 }
 
 /// Bits of the cells in whose order the job's samples are taken, where all of them are one go and one net.
