@@ -5,7 +5,7 @@ mod common;
 
 use common::{INTERSECTORS, geometry, job, plan, run, scene_named, scene_of, with_device};
 use cousu::kernels::NodeLayout;
-use cousu::layout::SPEC_SAMPLE_LANES;
+use cousu::layout::{SPEC_LEAVES_LOOPS, SPEC_SAMPLE_LANES};
 use cousu::render::choices::{Accessor, Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
 use cousu::render::execute::Outcome;
 use cousu::render::plan::Job;
@@ -111,16 +111,21 @@ fn any_choice() {
     });
 }
 
-/// Stacks of crossing needles: walks of very different lengths, that graze edges, so that many a ray is not sure until the exact test at the end.
-#[test]
-fn rays_along_edges() {
+/// Stacks of crossing needles: walks of very different lengths, that graze edges.
+fn needles() -> Scene {
     let mut text = String::from("v -4 -1 -4\nv 4 -1 -4\nv 0 -1 8\nf 1 2 3\n");
     for i in 0..400 {
         let (x, z) = (f64::from(i % 20) / 10.0 - 1.0, f64::from(i / 20) / 10.0 - 1.0);
         text += &format!("v {x} -1 {z}\nv {x} 1 {z}\nv {} 1 {z}\nf -3 -2 -1\n", x + 1e-6);
         text += &format!("v {x} -1 {z}\nv {x} 1 {z}\nv {x} 1 {}\nf -3 -2 -1\n", z + 0.1);
     }
-    let scene = scene_of(&text);
+    scene_of(&text)
+}
+
+/// Many a ray is not sure until the exact test at the end.
+#[test]
+fn rays_along_edges() {
+    let scene = needles();
     with_device(|device| {
         let geometry = geometry(&scene, Preset::Auto);
         for intersector in INTERSECTORS {
@@ -132,6 +137,62 @@ fn rays_along_edges() {
             let exact = run(device, &plan(device, &scene, &geometry, job.clone(), exact));
             let [_, together] = alone_and_together(device, &scene, &job, wishes, Some(4));
             assert!(exact.accumulated == together.accumulated, "{intersector}");
+        }
+    });
+}
+
+/// Camera rays, which lanes take over from each other where no driver leaves loops: they are asked for here as on such a device. Other methods meet the same points, from which
+/// the same ambient rays go. Sheets that are there twice and edges where faces meet have two closest hits.
+#[test]
+fn closest_hits() {
+    let mut sheets = String::new();
+    for i in 0..200 {
+        let (x, y, z) = (f64::from(i % 20) - 10.0, f64::from(i / 20) - 5.0, f64::from(i * 7 % 11));
+        sheets += &format!(
+            "v {x} {y} {z}\nv {} {y} {z}\nv {x} {} {}\nf -3 -2 -1\nf -2 -1 -3\n",
+            x + 3.0,
+            y + 3.0,
+            z + 1.0
+        );
+    }
+    let scenes = [
+        scene_named("cornell", None),
+        scene_named("maison", None),
+        scene_named("hairball", Some(4000)),
+        scene_named("terrain", Some(20_000)),
+        needles(),
+        scene_of(&sheets),
+    ];
+    with_device(|device| {
+        for scene in &scenes {
+            let geometry = geometry(scene, Preset::Auto);
+            for intersector in INTERSECTORS {
+                for jitters in [1, 3] {
+                    let job = Job { jitters, ..job(scene, (131, 77), 0..6) };
+                    let wishes = Wishes {
+                        method: Some(Method::Entry),
+                        passes: Some(Passes::Split),
+                        accessor: Some(Accessor::Address),
+                        intersector: Some(intersector),
+                        ..Wishes::default()
+                    };
+                    let together = plan(device, scene, &geometry, job.clone(), wishes);
+                    assert!(together.kernels.iter().any(|kernel| kernel.name == "primary/entry/address"));
+                    let together = run(device, &together.with_constant(SPEC_LEAVES_LOOPS, 0));
+                    let alone = Wishes {
+                        method: Some(Method::Threaded),
+                        passes: Some(Passes::Single),
+                        accessor: None,
+                        ..wishes
+                    };
+                    let alone = run(device, &plan(device, scene, &geometry, job, alone));
+                    let what = format!("{}, {intersector}, {jitters} jitters", scene.path);
+                    assert!(alone.accumulated == together.accumulated, "{what}");
+                    assert_eq!(alone.ambient_rays, together.ambient_rays, "{what}");
+                    assert!(together.ambient_rays > 0, "{what}");
+                    assert_eq!((together.overflowed_rays, together.repeats), (0, 0), "{what}");
+                }
+            }
         }
     });
 }

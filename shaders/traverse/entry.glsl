@@ -6,7 +6,7 @@
 //
 // Where lanes do not take over each other's work (stealing.glsl), a walk ends at a triangle that the ray may meet by the test of rough.glsl. Where that is not sure the exact one decides, when the lanes of the
 // subgroup are together again; should it fail, a ray that grazes the triangle, the ray walks again with that test at each.
-// Closest hits are those of ordered.glsl.
+// Closest hits are those of ordered.glsl, but that lanes may take over each other's work (stealing_closest.glsl).
 // Twin: src/reference/traverse/entry.rs.
 
 #include "near_first.glsl"
@@ -144,6 +144,7 @@ uint met_entries(GrownRay ray, float t_max, inout bool finished) {
 }
 
 #ifdef STEALS
+#include "pairing.glsl"
 #include "stealing.glsl"
 #else
 
@@ -200,3 +201,7 @@ bool any_hit(Ray ray, inout bool occluded) {
 #endif
 
 #include "one_ray.glsl"
+#ifdef STEALS_CLOSEST
+#include "pairing.glsl"
+#include "stealing_closest.glsl"
+#endif

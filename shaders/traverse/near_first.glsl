@@ -29,6 +29,22 @@ int pop_near(inout int top, float t_max) {
     return reference;
 }
 
+// Opens a node: goes on to the child that the ray meets first before t_max, and puts the other one on the stack; where it meets none, to what waits there.
+int nearer_child(Slabs slabs, int reference, float t_max, inout int top) {
+    Children node = open_pair(slabs, reference);
+    vec4 intervals = node.intervals;
+    bvec2 meets = meets_pair(intervals, t_max);
+    bool right_first = meets.y && (!meets.x || intervals.z < intervals.x);
+    int next = right_first ? node.right : node.left;
+    if (meets.x && meets.y) {
+        stack[top] = right_first ? node.left : node.right;
+        stack_enter[top] = right_first ? intervals.x : intervals.z;
+        top++;
+    }
+    if (!meets.x && !meets.y) next = pop_near(top, t_max);
+    return next;
+}
+
 bool closest_hit(Ray ray, inout Hit hit) {
     Slabs slabs = slabs_of(ray);
     int top = 0;
@@ -41,17 +57,7 @@ bool closest_hit(Ray ray, inout Hit hit) {
         do {
             if (walks) {
                 COUNT_VISIT();
-                Children node = open_pair(slabs, reference);
-                vec4 intervals = node.intervals;
-                bvec2 meets = meets_pair(intervals, box_limit(hit.t));
-                bool right_first = meets.y && (!meets.x || intervals.z < intervals.x);
-                reference = right_first ? node.right : node.left;
-                if (meets.x && meets.y) {
-                    stack[top] = right_first ? node.left : node.right;
-                    stack_enter[top] = right_first ? intervals.x : intervals.z;
-                    top++;
-                }
-                if (!meets.x && !meets.y) reference = pop_near(top, box_limit(hit.t));
+                reference = nearer_child(slabs, reference, box_limit(hit.t), top);
                 steps++;
                 walks = reference >= 0 && steps < NODES_IN_A_ROW;
             }

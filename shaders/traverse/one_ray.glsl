@@ -15,7 +15,7 @@ void run_each_closest() {
     }
 }
 
-#ifndef SHARES_START
+#if !defined(SHARES_START) && !defined(STEALS_CLOSEST)
 void run_closest() { run_each_closest(); }
 #endif
 #endif

@@ -20,8 +20,6 @@
 // Of the rays that an invocation made, a bit for each batch: those that met a triangle surely, and those that may have met one.
 shared uint occluded_rays[WORKGROUP_SIZE];
 shared uint unsure_rays[WORKGROUP_SIZE];
-// Of each subgroup: the lane that gives to the first, the second, ... that takes.
-shared uint giving_lanes[WORKGROUP_SIZE];
 
 // What a lane walks for: a ray, its own or another one's, the invocation that made it and its bit there.
 Ray walked;
@@ -42,8 +40,6 @@ uint made_entries;
 // Of the subgroup: a driver may run fewer than it tells of.
 uint lanes;
 
-uint lanes_with(bool condition) { return subgroupBallotBitCount(subgroupBallot(condition)); }
-
 bool walks() { return reference != NOTHING || leaf != NOTHING; }
 
 int take_waiting() { return top > 0 ? stack[--top] : waiting != 0u ? next_entry(waiting) : NOTHING; }
@@ -60,18 +56,9 @@ void hand_over() {
     bool takes = !walks();
     bool of_made = made_entries != 0u;
     bool gives = of_made || top > 0 || waiting != 0u;
-    uvec4 takers = subgroupBallot(takes);
-    uvec4 givers = subgroupBallot(gives);
-    uint pairs = min(subgroupBallotBitCount(takers), subgroupBallotBitCount(givers));
-    if (pairs > 0u) {
+    if (subgroupAny(takes) && subgroupAny(gives)) {
         // None does both: what an idle lane has made it has taken by now.
-        uint rank = subgroupBallotExclusiveBitCount(takes ? takers : givers);
-        takes = takes && rank < pairs;
-        gives = gives && rank < pairs;
-        uint place = gl_LocalInvocationIndex - gl_SubgroupInvocationID + rank;
-        if (gives) giving_lanes[place] = gl_SubgroupInvocationID;
-        subgroupBarrier();
-        uint from = takes ? giving_lanes[place] : gl_SubgroupInvocationID;
+        uint from = pair_up(takes, gives);
         int given = !gives ? NOTHING : of_made ? next_entry(made_entries) : take_waiting();
         given = subgroupShuffle(given, from);
         vec3 origin = subgroupShuffle(of_made ? made_ray.origin : walked.origin, from);
