@@ -485,6 +485,52 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
     });
 }
 
+/// Short walks of many pixels share a surface among fewer invocations, where lanes take over each other's work.
+#[test]
+fn a_gpu_s_lanes_follow_from_the_rays() {
+    with_device(|device| {
+        let mut gpu = device.adapter().clone();
+        gpu.kind = DeviceKind::Discrete;
+        gpu.limits.loop_iterations = None;
+        let scene = scene_named("maison", None);
+        let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
+        let auto = Wishes::default();
+        for (wishes, samples, camera_rays, steps, lanes) in [
+            (auto, 64, 300_000, 9, 2),
+            (auto, 64, 299_999, 9, 4),
+            (auto, 64, 300_000, 10, 4),
+            (auto, 64, 149_999, 9, 8),
+            (auto, 64, u64::MAX, 19, 4),
+            (auto, 64, u64::MAX, 20, 8),
+            (auto, 32, 300_000, 9, 2),
+            (auto, 31, 300_000, 9, 8),
+            (auto, 64, 0, 0, 8),
+            (Wishes { accessor: Some(Accessor::StorageBuffer), ..auto }, 64, 300_000, 9, 8),
+            (Wishes { method: Some(Method::Ordered), ..auto }, 64, 300_000, 9, 8),
+            (Wishes { passes: Some(Passes::Single), ..auto }, 64, 300_000, 9, 8),
+        ] {
+            let preview = Some(Preview { camera_rays, steps });
+            let decision =
+                auto::decide(&Wishes { samples: Some(samples), preview, ..wishes }, &geometry, &gpu);
+            let what = format!("{wishes:?}, {samples} samples, {camera_rays} camera rays, {steps} steps");
+            assert_eq!(decision.sample_lanes, lanes, "{what}");
+            let told = decision.reasons.iter().find(|reason| reason.what == "sample lanes");
+            assert_eq!(
+                told.map(|reason| reason.choice.clone()),
+                (lanes < 8).then(|| lanes.to_string()),
+                "{what}"
+            );
+        }
+        let unknown = auto::decide(&auto, &geometry, &gpu);
+        assert_eq!(unknown.sample_lanes, 8);
+        gpu.limits.loop_iterations = Some(65_535);
+        let preview = Some(Preview { camera_rays: 300_000, steps: 9 });
+        let narrow = auto::decide(&Wishes { samples: Some(64), preview, ..auto }, &geometry, &gpu);
+        assert_eq!(narrow.sample_lanes, 1);
+        assert!(narrow.reasons.iter().all(|reason| reason.what != "sample lanes"));
+    });
+}
+
 #[test]
 fn all_methods_and_builders_find_the_same_camera_hits() {
     with_device(|device| {

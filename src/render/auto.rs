@@ -3,10 +3,11 @@
 
 use super::builder::why_builder;
 use super::choices::{
-    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Preview, Sampler,
-    Settings, Slabs, Wishes,
+    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
+    Wishes,
 };
 use super::geometry::Geometry;
+use super::invocations::{SPLIT_FROM_SAMPLES, choose_lanes, cut_by_rays};
 use super::plan::{accessor_of, kernels_of};
 use crate::error::{Error, Result};
 use crate::kernels::{Kernel, NodeLayout, find_kernel};
@@ -44,24 +45,6 @@ const EDGES_FOR_COST: f64 = 9.5;
 /// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
 /// 0.74 times at 4 on Cornell).
 const MANY_SAMPLES: u32 = 8;
-/// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture.
-const SPLIT_FROM_SAMPLES: u32 = 4;
-const SPLIT_ALWAYS_FROM: u32 = 32;
-/// Samples for which the picture decides.
-pub(super) const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_ALWAYS_FROM;
-/// One kernel, which need not wait for the last camera ray, is the fastest between them where rays take fewer steps than this, ...
-const SHORT_WALK: u32 = 20;
-/// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
-///
-/// Measured on an H100 with `entry`, rate of `single` over `split` with stealing (docs/measurements.md). 1024x640, 4 samples: rays of 6 to 15 steps (boxes, Cornell, a closed room, arcade, a
-/// city, maison) 1.12 to 1.48; 23 to 37 (stadium, bunny, terrain) 0.87 to 0.99, but 1.17 on trees of leaves; 54 (a hairball) 0.70. At 8 samples 1.00 to 1.31, 0.77 to 0.95, 0.58.
-/// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
-/// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
-const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
-/// The limit of steps for fewer samples than these where no lanes steal (there, at 4 samples and 1024x640 `single` has 1.03 to 1.3 times the rate of `split` on stadium, terrain, bunny and trees, 0.75
-/// on a hairball of 5,000 triangles; at 8 0.86 to 0.93 on the first three, 1.17 on the trees).
-const SHORT_WALK_ALONE: u32 = 50;
-const ALONE_BELOW_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
 /// on the arcade of 260,000).
@@ -78,10 +61,6 @@ const BUNDLE_UP_TO: usize = 1_000_000;
 /// From this SAH cost on `postponed` is the fastest on a GPU where no lanes take over work (measured on an H100 with Sobol points: 1.2 times the rate of `entry` at 64 samples and 1.06 to 1.12 times at
 /// 4 and 8 on the hairball, of cost 189; 0.64 to 0.82 times at 64 on maison, bunny, arcade and terrain).
 const POSTPONED_FROM: f64 = 100.0;
-
-/// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
-/// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
-const SAMPLE_LANES: u32 = 8;
 
 /// Makes every choice that `wishes` leaves open.
 pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decision {
@@ -176,7 +155,10 @@ pub fn decide(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> Decisi
     // Where a driver leaves loops early a block must be able to begin with the ray that was left.
     let leaves_loops = adapter.limits.loop_iterations.is_some();
     let narrow = adapter.kind == DeviceKind::Cpu || leaves_loops;
-    let sample_lanes = if narrow { 1 } else { SAMPLE_LANES };
+    let (sample_lanes, why) = if narrow { (1, None) } else { choose_lanes(&settings, accessor, wishes) };
+    if let Some(why) = why {
+        note("sample lanes", sample_lanes.to_string(), &why);
+    }
     Decision { settings, accessor, sample_lanes, leaves_loops, reasons }
 }
 
@@ -295,37 +277,6 @@ fn choose_passes(
             cut_by_rays(wishes, method == Method::Entry && can_take_over_work(wishes, adapter))
         }
         _ => (Passes::Single, "one kernel does all of a pixel".into()),
-    }
-}
-
-/// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
-fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
-    if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
-        return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was".into());
-    }
-    let samples = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples));
-    let (Some(samples), Some(Preview { camera_rays, steps })) = (samples, wishes.preview) else {
-        return (Passes::Split, "many rays of a pixel are done soonest by several invocations".into());
-    };
-    let alone = !steals && samples < ALONE_BELOW_SAMPLES;
-    let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
-    let enough = u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE;
-    if steps >= short {
-        let why = format!(
-            "rays of about {steps} steps, at least {short}, are done soonest by several invocations for a pixel"
-        );
-        (Passes::Split, why)
-    } else if camera_rays < enough {
-        let why = format!(
-            "about {camera_rays} camera rays meet the scene, fewer than {enough}: several invocations for each keep a GPU busy"
-        );
-        (Passes::Split, why)
-    } else {
-        let why = format!(
-            "about {camera_rays} camera rays meet the scene, at least {enough}, and keep a GPU busy with rays of about {steps} steps; \
-             no kernel waits for the last of them"
-        );
-        (Passes::Single, why)
     }
 }
 

@@ -10,6 +10,7 @@ pub mod clock;
 pub mod execute;
 pub mod frames;
 pub mod geometry;
+pub mod invocations;
 pub mod passes;
 pub mod picture;
 pub mod plan;

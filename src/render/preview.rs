@@ -3,9 +3,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::auto;
-use super::choices::{Preset, Preview, Wishes};
+use super::choices::{Method, Passes, Preset, Preview, Wishes};
 use super::geometry::Geometry;
+use super::invocations::{LANES_FROM_SAMPLES, PICTURE_DECIDES};
 use super::plan::Job;
 use crate::bvh::walk_cost;
 use crate::scene::Scene;
@@ -25,10 +25,13 @@ pub fn wishes_for(
     device: DeviceKind,
 ) -> Wishes {
     let wishes = job.wishes(wishes);
-    let decides = device != DeviceKind::Cpu
-        && wishes.passes.is_none()
-        && !wishes.preset.is_some_and(Preset::is_original)
-        && wishes.samples.is_some_and(|samples| auto::PICTURE_DECIDES.contains(&samples));
+    let samples = wishes.samples.unwrap_or(0);
+    let cuts = wishes.passes.is_none() && PICTURE_DECIDES.contains(&samples);
+    let shares = matches!(wishes.passes, None | Some(Passes::Split))
+        && matches!(wishes.method, None | Some(Method::Entry))
+        && samples >= LANES_FROM_SAMPLES;
+    let decides =
+        device != DeviceKind::Cpu && !wishes.preset.is_some_and(Preset::is_original) && (cuts || shares);
     Wishes { preview: decides.then(|| preview(job, scene, geometry)), ..wishes }
 }
 
@@ -57,7 +60,6 @@ mod tests {
 
     use super::*;
     use crate::bvh::Builder;
-    use crate::render::choices::Passes;
     use crate::render::rounds::Goal;
     use crate::scene::Mesh;
     use crate::scene::camera::Camera;
@@ -138,15 +140,22 @@ mod tests {
     fn nothing_is_traced_where_it_does_not_decide() {
         let wishes = Wishes::default();
         let split = Wishes { passes: Some(Passes::Split), ..wishes };
+        let single = Wishes { passes: Some(Passes::Single), ..wishes };
+        let wide = Wishes { method: Some(Method::Wide), ..wishes };
         let original = Wishes { preset: Some(Preset::Original), ..wishes };
         for (samples, wishes, device, told) in [
+            (3, wishes, DeviceKind::Discrete, false),
             (4, wishes, DeviceKind::Discrete, true),
             (31, wishes, DeviceKind::Integrated, true),
-            (3, wishes, DeviceKind::Discrete, false),
-            (32, wishes, DeviceKind::Discrete, false),
+            (64, wishes, DeviceKind::Discrete, true),
             (8, split, DeviceKind::Discrete, false),
-            (8, original, DeviceKind::Discrete, false),
+            (64, split, DeviceKind::Discrete, true),
+            (64, single, DeviceKind::Discrete, false),
+            (8, wide, DeviceKind::Discrete, true),
+            (64, wide, DeviceKind::Discrete, false),
+            (64, original, DeviceKind::Discrete, false),
             (8, wishes, DeviceKind::Cpu, false),
+            (64, wishes, DeviceKind::Cpu, false),
         ] {
             let (scene, geometry, job) = rectangle(DVec2::NEG_ONE, DVec2::ONE, samples);
             let found = wishes_for(&job, &wishes, &scene, &geometry, device);

@@ -1,0 +1,84 @@
+//! How many invocations a GPU gives to a pixel: one kernel for all of its rays, or a second one whose invocations share its samples. That follows from how many rays
+//! there are and how long they take, of which the preview tells.
+
+use super::choices::{Accessor, Method, Passes, Preview, Settings, Wishes};
+
+/// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture.
+pub const SPLIT_FROM_SAMPLES: u32 = 4;
+const SPLIT_ALWAYS_FROM: u32 = 32;
+/// Samples for which the picture decides.
+pub const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_ALWAYS_FROM;
+/// One kernel, which need not wait for the last camera ray, is the fastest between them where rays take fewer steps than this, ...
+const SHORT_WALK: u32 = 20;
+/// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
+///
+/// Measured on an H100 with `entry`, rate of `single` over `split` with stealing (docs/measurements.md). 1024x640, 4 samples: rays of 6 to 15 steps (boxes, Cornell, a closed room, arcade, a
+/// city, maison) 1.12 to 1.48; 23 to 37 (stadium, bunny, terrain) 0.87 to 0.99, but 1.17 on trees of leaves; 54 (a hairball) 0.70. At 8 samples 1.00 to 1.31, 0.77 to 0.95, 0.58.
+/// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
+/// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
+const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
+/// The limit of steps for fewer samples than these where no lanes steal (there, at 4 samples and 1024x640 `single` has 1.03 to 1.3 times the rate of `split` on stadium, terrain, bunny and trees, 0.75
+/// on a hairball of 5,000 triangles; at 8 0.86 to 0.93 on the first three, 1.17 on the trees).
+const SHORT_WALK_ALONE: u32 = 50;
+const ALONE_BELOW_SAMPLES: u32 = 8;
+/// Invocations of a GPU that share a pixel's samples where there are enough (measured on an H100 at 64 samples with `ordered`, against
+/// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
+const SAMPLE_LANES: u32 = 8;
+/// Fewer where `entry`, whose lanes take over each other's work, has rays of fewer steps than these, so that finding a pixel's surface and entries counts (there, at 64 samples: 4 have 1.02 to
+/// 1.09 times the rate of 8 on a closed room, Cornell, boxes, a city, maison and arcade, of 6 to 15 steps, 0.94 to 1.00 times on eleven scenes of more; 2 have 1.12 and 1.16 times on Cornell and the room,
+/// of 8 and 9 steps, and at 32 samples 0.92 times the rate of 4 on maison, 0.94 on the arcade, 1.01 on boxes and the city) ...
+const FEWER_LANES: [(u32, u32); 2] = [(2, 10), (4, SHORT_WALK)];
+/// ... and where that leaves so many invocations, which keep a GPU busy until the end (of 62,000 camera rays and fewer 4 have 0.88 to 0.94 times the rate of 8; of 98,000 1.02, from 153,000 on 1.02 to
+/// 1.09; 2 have 0.98 and 1.0 times of 164,000 and 98,000, 1.12 to 1.16 from 391,000 on).
+const BUSY_WITH: u64 = 600_000;
+/// From this many samples on (with 32 2 have 1.06 and 1.07 times the rate of 4 on Cornell and the room, from 256 on they are the same; of fewer there are so few lanes anyway).
+pub const LANES_FROM_SAMPLES: u32 = 32;
+
+/// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
+pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
+    if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
+        return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was".into());
+    }
+    let samples = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples));
+    let (Some(samples), Some(Preview { camera_rays, steps })) = (samples, wishes.preview) else {
+        return (Passes::Split, "many rays of a pixel are done soonest by several invocations".into());
+    };
+    let alone = !steals && samples < ALONE_BELOW_SAMPLES;
+    let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
+    let enough = u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE;
+    if steps >= short {
+        let why = format!(
+            "rays of about {steps} steps, at least {short}, are done soonest by several invocations for a pixel"
+        );
+        (Passes::Split, why)
+    } else if camera_rays < enough {
+        let why = format!(
+            "about {camera_rays} camera rays meet the scene, fewer than {enough}: several invocations for each keep a GPU busy"
+        );
+        (Passes::Split, why)
+    } else {
+        let why = format!(
+            "about {camera_rays} camera rays meet the scene, at least {enough}, and keep a GPU busy with rays of about {steps} steps; \
+             no kernel waits for the last of them"
+        );
+        (Passes::Single, why)
+    }
+}
+
+/// How many invocations share a pixel's samples at most, and why not as many as usual.
+pub fn choose_lanes(settings: &Settings, accessor: Accessor, wishes: &Wishes) -> (u32, Option<String>) {
+    let usual = (SAMPLE_LANES, None);
+    let Some(Preview { camera_rays, steps }) = wishes.preview else { return usual };
+    let steals = settings.method == Method::Entry && accessor == Accessor::Address;
+    if !steals || settings.passes != Passes::Split || wishes.fewer_samples(LANES_FROM_SAMPLES) {
+        return usual;
+    }
+    let enough = |lanes: u32| camera_rays.saturating_mul(u64::from(lanes)) >= BUSY_WITH;
+    let fewer = FEWER_LANES.into_iter().find(|&(lanes, short)| steps < short && enough(lanes));
+    let Some((lanes, _)) = fewer else { return usual };
+    let why = format!(
+        "rays of about {steps} steps are done soonest by few invocations for a pixel, \
+         and about {camera_rays} camera rays that meet the scene keep a GPU busy all the same"
+    );
+    (lanes, Some(why))
+}
