@@ -13,7 +13,7 @@ const SHORT_WALK: u32 = 20;
 /// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
 ///
 /// Measured on an H100 with `entry`, rate of `single` over `split` with stealing (docs/measurements.md). 1024x640, 4 samples: rays of 6 to 15 steps (boxes, Cornell, a closed room, arcade, a
-/// city, maison) 1.12 to 1.48; 23 to 37 (stadium, bunny, terrain) 0.87 to 0.99, but 1.17 on trees of leaves; 54 (a hairball) 0.70. At 8 samples 1.00 to 1.31, 0.77 to 0.95, 0.58.
+/// city, maison) 1.12 to 1.48; 23 to 37 (stadium, bunny, terrain) 0.87 to 0.99, but 1.17 on trees of leaves (0.90 since lanes take over camera rays, too); 54 (a hairball) 0.70. At 8 samples 1.00 to 1.31, 0.77 to 0.95, 0.58.
 /// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
 /// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
