@@ -423,13 +423,25 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             assert!((least..most).contains(&cost), "{name} has another SAH cost, {cost}");
         }
         for (name, wishes, method, passes) in [
-            ("large", few, Method::Wide, Passes::Single),
+            ("large", fewer, Method::Wide, Passes::Single),
+            ("large", few, Method::Entry, Passes::Split),
             ("large", few_split, Method::Entry, Passes::Split),
             ("large", Wishes::default(), Method::Entry, Passes::Split),
             ("terrain", few, Method::Entry, Passes::Split),
             ("cornell", Wishes::default(), Method::Brute, Passes::Split),
             ("cornell", few, Method::Entry, Passes::Split),
             ("cornell", with(4, 400_000, 8), Method::Entry, Passes::Single),
+            // 66 edges.
+            ("cornell", with(64, 400_000, 1), Method::Brute, Passes::Split),
+            ("cornell", with(64, 400_000, 0), Method::Entry, Passes::Split),
+            ("cornell", with(64, 100_000, 1), Method::Brute, Passes::Split),
+            ("cornell", with(64, 99_999, 7), Method::Entry, Passes::Split),
+            ("cornell", with(64, 99_999, 8), Method::Brute, Passes::Split),
+            ("cornell", with(32, 400_000, 7), Method::Brute, Passes::Split),
+            ("cornell", with(31, 400_000, 7), Method::Entry, Passes::Single),
+            ("cornell", with(31, 400_000, 8), Method::Brute, Passes::Split),
+            ("cornell", with(8, 400_000, 8), Method::Brute, Passes::Split),
+            ("cornell", with(7, 400_000, 11), Method::Entry, Passes::Single),
             ("cornell", bounded, Method::Entry, Passes::Split),
             ("cornell", moller, Method::Entry, Passes::Split),
             ("cornell", lcg, Method::Entry, Passes::Split),
@@ -439,6 +451,11 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("maison", with(4, 50_000, 19), Method::Entry, Passes::Single),
             ("maison", with(4, 49_999, 19), Method::Entry, Passes::Split),
             ("maison", with(4, 50_000, 20), Method::Entry, Passes::Split),
+            ("maison", with(8, 1, 11), Method::Entry, Passes::Single),
+            ("maison", with(8, 99_999, 12), Method::Entry, Passes::Split),
+            ("maison", with(9, 22_500, 11), Method::Entry, Passes::Single),
+            ("maison", with(9, 22_499, 11), Method::Entry, Passes::Split),
+            ("maison", with(9, 22_500, 12), Method::Entry, Passes::Split),
             ("maison", with(31, 387_500, 19), Method::Entry, Passes::Single),
             ("maison", with(31, 387_499, 19), Method::Entry, Passes::Split),
             ("maison", with(32, 1_000_000, 5), Method::Entry, Passes::Split),
@@ -460,8 +477,9 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         let (_, maison) = scenes.iter().find(|(known, _)| *known == "maison").expect("one of them");
         for (wishes, told) in [
             (with(4, 123_456, 21), "about 21 steps, at least 20,"),
-            (with(4, 34_567, 7), "about 34567 camera rays meet the scene, fewer than 50000:"),
-            (with(8, 123_456, 7), "about 123456 camera rays meet the scene, at least 100000,"),
+            (with(4, 34_567, 17), "about 34567 camera rays meet the scene, fewer than 50000:"),
+            (with(8, 123_456, 17), "about 123456 camera rays meet the scene, at least 100000,"),
+            (with(8, 56, 7), "8 rays of about 7 steps, fewer than 12,"),
         ] {
             let reasons = auto::decide(&wishes, maison, &gpu).reasons;
             let reason = reasons.iter().find(|reason| reason.what == "passes").expect("a reason");
@@ -472,6 +490,7 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         for (name, wishes, method, passes) in [
             ("hairball", Wishes::default(), Method::Postponed, Passes::Split),
             ("hairball", few, Method::Postponed, Passes::Split),
+            ("large", few, Method::Wide, Passes::Single),
             ("maison", with(4, 50_000, 49), Method::Entry, Passes::Single),
             ("maison", with(4, 50_000, 50), Method::Entry, Passes::Split),
             ("maison", with(8, 100_000, 19), Method::Entry, Passes::Single),
@@ -495,31 +514,48 @@ fn a_gpu_s_lanes_follow_from_the_rays() {
         let scene = scene_named("maison", None);
         let geometry = Geometry::build(&scene, true, Builder::Midpoint, &|_| {}).expect("a tree");
         let auto = Wishes::default();
-        for (wishes, samples, camera_rays, steps, lanes) in [
-            (auto, 64, 300_000, 9, 2),
-            (auto, 64, 299_999, 9, 4),
-            (auto, 64, 300_000, 10, 4),
-            (auto, 64, 149_999, 9, 8),
-            (auto, 64, u64::MAX, 19, 4),
-            (auto, 64, u64::MAX, 20, 8),
-            (auto, 32, 300_000, 9, 2),
-            (auto, 31, 300_000, 9, 8),
-            (auto, 64, 0, 0, 8),
-            (Wishes { accessor: Some(Accessor::StorageBuffer), ..auto }, 64, 300_000, 9, 8),
-            (Wishes { method: Some(Method::Ordered), ..auto }, 64, 300_000, 9, 8),
-            (Wishes { passes: Some(Passes::Single), ..auto }, 64, 300_000, 9, 8),
+        let (entry, split) = (Some(Method::Entry), Some(Passes::Split));
+        for (wishes, samples, camera_rays, steps, lanes, told) in [
+            (auto, 64, 300_000, 9, 2, true),
+            (auto, 64, 299_999, 9, 4, true),
+            (auto, 64, 300_000, 10, 4, true),
+            (auto, 64, 149_999, 9, 8, false),
+            (auto, 64, 150_000, 19, 4, true),
+            (auto, 64, u64::MAX, 19, 4, true),
+            (auto, 64, u64::MAX, 20, 8, false),
+            (auto, 32, 300_000, 9, 2, true),
+            (auto, 31, 300_000, 9, 1, false),
+            // They are no more anyway.
+            (auto, 63, u64::MAX, 19, 4, false),
+            (auto, 64, 0, 0, 8, false),
+            (
+                Wishes { sampler: Some(Sampler::Lcg), method: entry, passes: split, ..auto },
+                64,
+                300_000,
+                9,
+                1,
+                false,
+            ),
+            (
+                Wishes { accumulator: Some(Accumulator::Rgba32f), method: entry, passes: split, ..auto },
+                64,
+                300_000,
+                9,
+                1,
+                false,
+            ),
+            (Wishes { accessor: Some(Accessor::StorageBuffer), ..auto }, 64, 300_000, 9, 8, false),
+            (Wishes { method: Some(Method::Ordered), ..auto }, 64, 300_000, 9, 8, false),
+            (Wishes { passes: Some(Passes::Single), ..auto }, 64, 300_000, 9, 1, false),
         ] {
             let preview = Some(Preview { camera_rays, steps });
             let decision =
                 auto::decide(&Wishes { samples: Some(samples), preview, ..wishes }, &geometry, &gpu);
             let what = format!("{wishes:?}, {samples} samples, {camera_rays} camera rays, {steps} steps");
-            assert_eq!(decision.sample_lanes, lanes, "{what}");
-            let told = decision.reasons.iter().find(|reason| reason.what == "sample lanes");
-            assert_eq!(
-                told.map(|reason| reason.choice.clone()),
-                (lanes < 8).then(|| lanes.to_string()),
-                "{what}"
-            );
+            let plan = plan_decided(device, &scene, &geometry, job(&scene, SIZE, 0..samples), &decision);
+            assert_eq!(plan.sample_lanes(), lanes, "{what}");
+            let reason = decision.reasons.iter().find(|reason| reason.what == "sample lanes");
+            assert_eq!(reason.map(|reason| reason.choice.clone()), told.then(|| lanes.to_string()), "{what}");
         }
         let unknown = auto::decide(&auto, &geometry, &gpu);
         assert_eq!(unknown.sample_lanes, 8);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{INTERSECTORS, geometry, job, plan, run, scene_named, scene_of, with_device};
+use common::{INTERSECTORS, geometry, job, pinhole, plan, run, scene_named, scene_of, with_device};
 use cousu::kernels::NodeLayout;
 use cousu::layout::{SPEC_LEAVES_LOOPS, SPEC_SAMPLE_LANES};
 use cousu::render::choices::{Accessor, Accumulator, Method, Offset, Passes, Preset, Sampler, Slabs, Wishes};
@@ -15,13 +15,14 @@ use cousu::vk::Device;
 const SIZE: (u32, u32) = (33, 21);
 
 /// The same render by lanes that walk their own rays, and by those that take over others', with so many lanes for a pixel: with several, rays of more than one batch
-/// are under way.
+/// are under way. `camera`: camera rays, too.
 fn alone_and_together(
     device: &Device,
     scene: &Scene,
     job: &Job,
     wishes: Wishes,
     lanes: Option<u32>,
+    camera: bool,
 ) -> [Outcome; 2] {
     let geometry = geometry(scene, wishes.preset.unwrap_or(Preset::Auto));
     [Accessor::StorageBuffer, Accessor::Address].map(|accessor| {
@@ -36,6 +37,8 @@ fn alone_and_together(
             Some(lanes) if accessor == Accessor::Address => plan.with_constant(SPEC_SAMPLE_LANES, lanes),
             _ => plan,
         };
+        // Camera rays are taken over only where no driver leaves loops.
+        let plan = if camera { plan.with_constant(SPEC_LEAVES_LOOPS, 0) } else { plan };
         let steals = plan.kernels.iter().any(|kernel| kernel.name == "ambient_list/entry/address");
         assert_eq!(steals, accessor == Accessor::Address);
         assert!(matches!(plan.node_layout(), NodeLayout::Centred | NodeLayout::Compact));
@@ -48,12 +51,12 @@ fn agree(device: &Device, scene: &Scene, job: Job, wishes: Wishes) {
     let shares = wishes.accumulator.is_none_or(|sum| sum == Accumulator::Count)
         && wishes.sampler != Some(Sampler::Lcg)
         && !wishes.preset.is_some_and(Preset::is_original);
-    for lanes in [None, Some(2), Some(8)] {
+    for (lanes, camera) in [(None, false), (None, true), (Some(2), false), (Some(8), true)] {
         if lanes.is_some() && !shares {
             continue;
         }
-        let [alone, together] = alone_and_together(device, scene, &job, wishes, lanes);
-        let what = format!("{}, {:?}, {wishes:?}, {lanes:?} lanes", scene.path, job.samples);
+        let [alone, together] = alone_and_together(device, scene, &job, wishes, lanes, camera);
+        let what = format!("{}, {:?}, {wishes:?}, {lanes:?} lanes, {camera}", scene.path, job.samples);
         assert!(alone.accumulated == together.accumulated, "{what}");
         assert_eq!(alone.primary_rays, together.primary_rays, "{what}");
         assert_eq!(alone.ambient_rays, together.ambient_rays, "{what}");
@@ -135,14 +138,42 @@ fn rays_along_edges() {
             // Another method, whose every test is exact.
             let exact = Wishes { method: Some(Method::Ordered), passes: Some(Passes::Single), ..wishes };
             let exact = run(device, &plan(device, &scene, &geometry, job.clone(), exact));
-            let [_, together] = alone_and_together(device, &scene, &job, wishes, Some(4));
+            let [_, together] = alone_and_together(device, &scene, &job, wishes, Some(4), false);
             assert!(exact.accumulated == together.accumulated, "{intersector}");
         }
     });
 }
 
+/// Triangles of all slopes whose first corner is the origin: the ray that comes down on it meets all of them there, at one distance.
+fn fan(stride: u32) -> Scene {
+    let mut text = String::from("v 0 0 0\n");
+    for i in 0..1500 {
+        let angle = f64::from(i * stride % 1500) / 1500.0 * std::f64::consts::TAU;
+        let (x, y, rise) = (angle.cos(), angle.sin(), f64::from(i * 11 % 13) / 8.0 - 1.0);
+        text += &format!("v {x} {y} {rise}\nv {} {} {}\nf 1 -2 -1\n", x - 0.1 * y, y + 0.1 * x, rise / 2.0);
+    }
+    scene_of(&text)
+}
+
+/// Of many hits at one distance that of the smallest number counts, whoever found it.
+#[test]
+fn equal_distances() {
+    with_device(|device| {
+        for stride in [7, 11, 13, 17, 19, 23] {
+            let scene = fan(stride);
+            let camera = pinhole([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.001);
+            let job = Job { camera, ..job(&scene, (9, 9), 0..64) };
+            for intersector in INTERSECTORS {
+                let wishes = Wishes { intersector: Some(intersector), ..Wishes::default() };
+                let [alone, together] = alone_and_together(device, &scene, &job, wishes, None, true);
+                assert!(alone.accumulated == together.accumulated, "{stride}, {intersector}");
+            }
+        }
+    });
+}
+
 /// Camera rays, which lanes take over from each other where no driver leaves loops: they are asked for here as on such a device. Other methods meet the same points, from which
-/// the same ambient rays go. Sheets that are there twice and edges where faces meet have two closest hits.
+/// the same ambient rays go.
 #[test]
 fn closest_hits() {
     let mut sheets = String::new();

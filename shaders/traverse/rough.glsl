@@ -30,10 +30,13 @@ int rough_verdict(Ray ray, Triangle triangle) {
     float product = triangle.ab_sum * triangle.ac_sum;
     float error_det = error * product;
     float error_sum = error_u + error_v + error_det;
+    // With these det is beyond its error, too.
     bool meets = u >= error_u && v >= error_v && u + v + error_sum <= det && t > ROUGH_ERROR_T * size * product &&
-                 det > max(error_det, 2.0 * SMALLEST_DETERMINANT);
+                 det > 2.0 * SMALLEST_DETERMINANT;
     bool inside = u >= -error_u && v >= -error_v && u + v <= det + error_sum && t > 0.0;
-    return meets ? MEETS : inside || det <= error_det ? MAY_MEET : MISSES;
+    // Where the sign of det is open, either one has |u| and |v| within this.
+    bool edge_on = det <= error_det && max(abs(u), abs(v)) <= det + 2.0 * error_sum;
+    return meets ? MEETS : inside || edge_on ? MAY_MEET : MISSES;
 }
 
 // Of what it tells nothing the exact test decides: of other intersectors, and of rays with an end, for which many triangles lie too far.

@@ -1,5 +1,5 @@
 // Closest hits where the lanes of a subgroup take over each other's work, as they do for any hits in stealing.glsl: else all wait for the ray with the longest
-// way, and at the end most of a GPU waits for a few subgroups. A lane with nothing to do takes the nearest subtree that waits for another lane's ray. What is known of a
+// way, and at the end most of a GPU waits for a few subgroups. A lane with nothing to do takes the subtree that another lane would walk next. What is known of a
 // ray lies where all who walk for it see it. A closest hit does not depend on the order of visits, so who walks changes no answer: the twin is
 // that of ordered.glsl.
 
@@ -45,8 +45,9 @@ void keep_nearest(uint maker, bool found, Hit hit) {
     }
 }
 
-// Every lane of the subgroup calls this.
-Hit closest_hit_together(Ray ray, Hit hit, bool has_ray) {
+// Every lane of the subgroup calls this. Leaves `finished` to whether all leaves came to their end.
+Hit closest_hit_together(Ray ray, Hit hit, bool has_ray, out bool finished) {
+    finished = true;
     store_nearest(gl_LocalInvocationIndex, hit);
     changes[gl_LocalInvocationIndex] = 0u;
     uint lanes = lanes_with(true);
@@ -71,7 +72,7 @@ Hit closest_hit_together(Ray ray, Hit hit, bool has_ray) {
         if (subgroupAny(at_leaf)) {
             Hit found = nearest_hit(maker);
             found.index = NO_HIT;
-            if (at_leaf) closest_of_leaf(walked, slabs, leaf_first(reference), leaf_last(reference), found);
+            if (at_leaf) finished = closest_of_leaf(walked, slabs, leaf_first(reference), leaf_last(reference), found) && finished;
             // Others have read what was known before it changes.
             subgroupBarrier();
             keep_nearest(maker, found.index != NO_HIT, found);
@@ -101,6 +102,8 @@ Hit closest_hit_together(Ray ray, Hit hit, bool has_ray) {
         }
     }
     subgroupBarrier();
+    // Who walked for a ray is not known any more.
+    finished = subgroupAll(finished);
     return nearest_hit(gl_LocalInvocationIndex);
 }
 
@@ -113,14 +116,16 @@ void run_closest_together() {
         bool has_ray = next_closest(ray, hit, id);
         subgroupBarrier();
         more = subgroupAny(has_ray);
-        if (more) hit = closest_hit_together(ray, hit, has_ray);
-        if (has_ray) retire_closest(id, hit, true);
+        bool finished = true;
+        if (more) hit = closest_hit_together(ray, hit, has_ray, finished);
+        if (has_ray) retire_closest(id, hit, finished);
     }
 }
 
 void run_closest() {
-    // Where a driver leaves loops each ray has to prove its own end. The original keeps the last of equal hits.
-    if (LEAVES_LOOPS || ORIGINAL) {
+    // Where a driver leaves loops each ray has to prove its own end. The original keeps the last of equal hits. Of boxes by plain slabs it is not sure that each holds the hits of its
+    // triangles, so that hits could depend on what was known when a box was met.
+    if (LEAVES_LOOPS || ORIGINAL || !ROBUST_SLABS) {
         run_each_closest();
     } else {
         run_closest_together();

@@ -138,6 +138,7 @@ pub fn interleave(device: &Device, quick: bool, scene: &str, variants: &[Variant
             if variants[which].forgets_hits {
                 repeated[which].forget_hits();
             }
+            device.wake();
             let begin = Instant::now();
             let cost = repeated[which].frame()?;
             let wall_ms = begin.elapsed().as_secs_f64() * 1e3;

@@ -3,8 +3,8 @@
 
 use super::builder::why_builder;
 use super::choices::{
-    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Sampler, Settings, Slabs,
-    Wishes,
+    Accessor, Accumulator, Intersector, MOST_STACK, Method, Offset, Passes, Preset, Preview, Sampler,
+    Settings, Slabs, Wishes,
 };
 use super::geometry::Geometry;
 use super::invocations::{SPLIT_FROM_SAMPLES, choose_lanes, cut_by_rays};
@@ -36,20 +36,27 @@ pub struct Decision {
 /// Up to this many triangles all of them are tested on any device; one by one, a tree wins from 8 on (measured on boxes of 8, 16 and more
 /// triangles, on an H100 and on Mesa's software device).
 const BRUTE_UP_TO: usize = 4;
-/// Up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for many of a pixel's rays, is the fastest on a GPU
+/// Where no preview tells of the picture: up to so many edges of faces for each unit of SAH cost `brute`, which finds them once for many of a pixel's rays, is the fastest on a GPU
 /// (measured on an H100 at 64 samples: 1.7 times the rate of `entry` on Cornell with 66 edges and a cost of 12.3; boxes on a floor 1.4 with 28
 /// edges and 5.0, 1.4 with 52 and 5.5, 1.0 with 100 and 8.0, 0.8 with 148 and 5.6; a closed room from outside, which every ray leaves, 0.75
 /// with 44 and 9.9).
 const EDGES_FOR_COST: f64 = 9.5;
+/// Where a preview tells of it: fewer edges than for a walk of no steps, and than so many more for each step that ambient rays take, since a face costs all rays the same and a tree
+/// more for longer walks ...
+const EDGES_AND_FOR_STEP: (f64, f64) = (50.0, 16.7);
+/// ... and of fewer samples or camera rays than these, whose subgroups have fewer rays and start farther apart (measured on an H100 on 22 views of 11 scenes of 24 to 264 edges, 1 to 11 steps and 63,000 to
+/// 655,000 camera rays: where this takes it `brute` has 1.03 to 1.56 times the best rate of `entry` at 64 samples, 1.10 to 1.35 at 16 and 0.93 to 1.19 at 8, elsewhere 0.30 to 0.87, 0.55 to 1.06 and 0.47 to 0.90).
+const FEW_EDGES_AND_FOR_STEP: (f64, f64) = (-25.0, 12.0);
+const FEW_SAMPLES: u32 = 32;
+const FEW_CAMERA_RAYS: u64 = 100_000;
 /// Samples of a camera ray from which that pays (there, 1.4, 1.2 and 1.1 times the rate of the next best at 8 on Cornell and the first two of
 /// those, 0.85 times at 4; since `entry` tests triangles roughly and takes small sets cell by cell, and `brute` reads by address, 1.13 times at 8 and
 /// 0.74 times at 4 on Cornell).
-const MANY_SAMPLES: u32 = 8;
+pub(super) const FACES_FROM_SAMPLES: u32 = 8;
 /// From this many triangles on `wide`, with its small nodes, is the fastest on a GPU for few samples, if one kernel does all of a pixel
 /// (measured on an H100 at 4 samples: 1.17 times the rate of `entry` on a terrain of 10 million triangles, 0.96 to 1.03 times on one of 2 million, 0.64 times
-/// on the arcade of 260,000).
+/// on the arcade of 260,000) and lanes do not take over each other's work.
 const WIDE_FROM: usize = 3_000_000;
-/// (Before lanes of `entry` took over each other's work in `split`; not measured since.)
 const WIDE_UP_TO_SAMPLES: u32 = 8;
 
 /// Up to this SAH cost and so many triangles `bundle` is the fastest on a CPU device, where neighbouring rays stay together (measured
@@ -185,18 +192,15 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         (Method::Wide, format!("SAH cost {cost:.0}, above {BUNDLE_UP_TO_COST}: neighbouring rays part early"))
     } else if on_cpu {
         (Method::Bundle, "a CPU device is fastest where many rays share what a node costs".into())
-    } else if let Some(edges) = geometry.face_edges
-        && f64::from(edges) <= EDGES_FOR_COST * cost
-        && takes_faces(wishes, geometry, adapter)
+    } else if takes_faces(wishes, geometry, adapter)
+        && let Some(why) = why_faces(wishes, geometry.face_edges, cost)
     {
-        let why = format!(
-            "{edges} edges of faces, few for an SAH cost of {cost:.1}, are found once for many of a pixel's rays"
-        );
         (Method::Brute, why)
     } else if triangles >= WIDE_FROM
         && cost <= POSTPONED_FROM
         && wishes.fewer_samples(WIDE_UP_TO_SAMPLES)
         && matches!(wishes.passes, None | Some(Passes::Single))
+        && !takes_over_work(wishes, adapter)
     {
         let why = format!(
             "{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read"
@@ -242,8 +246,25 @@ fn takes_faces(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> bool 
         && wishes.sampler != Some(Sampler::Lcg)
         && wishes.accessor != Some(Accessor::TexelBuffer)
         && geometry.triangles.len() <= pack::MOST_FACES
-        && !wishes.fewer_samples(MANY_SAMPLES)
+        && !wishes.fewer_samples(FACES_FROM_SAMPLES)
         && !wishes.bounded
+}
+
+/// Why that pays, if it does.
+fn why_faces(wishes: &Wishes, edges: Option<u32>, cost: f64) -> Option<String> {
+    let edges = edges?;
+    let (few, than) = match wishes.preview {
+        None => (f64::from(edges) <= EDGES_FOR_COST * cost, format!("an SAH cost of {cost:.1}")),
+        Some(Preview { camera_rays, steps }) => {
+            let few_rays = wishes.fewer_samples(FEW_SAMPLES) || camera_rays < FEW_CAMERA_RAYS;
+            let (some, for_step) = if few_rays { FEW_EDGES_AND_FOR_STEP } else { EDGES_AND_FOR_STEP };
+            let rays = format!(
+                "about {camera_rays} camera rays that meet the scene and ambient rays of about {steps} steps"
+            );
+            (f64::from(edges) < some + for_step * f64::from(steps), rays)
+        }
+    };
+    few.then(|| format!("{edges} edges of faces, few for {than}, are found once for many of a pixel's rays"))
 }
 
 /// All see the same triangles but for rays within some roundings of an edge.

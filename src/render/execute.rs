@@ -55,6 +55,10 @@ pub fn run_traced(
     let mut tally = Tally::new(plan, observe);
     tally.spans = spans;
     let (uploaded, pipelines) = thread::scope(|scope| {
+        // While large scenes load the device's clock falls.
+        if device.may_sleep() {
+            scope.spawn(|| device.raise_clock());
+        }
         let compiling = scope.spawn(|| {
             let begin = Instant::now();
             compile(device, plan).map(|pipelines| (pipelines, Span::beside("compile kernels", begin)))

@@ -1,7 +1,7 @@
 //! How many invocations a GPU gives to a pixel: one kernel for all of its rays, or a second one whose invocations share its samples. That follows from how many rays
 //! there are and how long they take, of which the preview tells.
 
-use super::choices::{Accessor, Method, Passes, Preview, Settings, Wishes};
+use super::choices::{Accessor, Accumulator, Method, Passes, Preview, Sampler, Settings, Wishes};
 
 /// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture.
 pub const SPLIT_FROM_SAMPLES: u32 = 4;
@@ -17,6 +17,11 @@ const SHORT_WALK: u32 = 20;
 /// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
 /// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
+/// Of rays of fewer steps than these fewer will do, and up to so many samples any number (there, with stealing, rays of 1 to 9 steps in boxes, rooms and Cornell, 4,000 to 390,000 camera rays: `single` has
+/// 1.2 to 2.2 times the rate of `split` at 4 samples, 1.0 to 2.1 at 8; at 16 0.82 to 0.98 of 4,000 to 27,000 with 5 and more steps, 0.93 to 1.35 from 38,000 on, and 1.4 to 1.6 of any number with 1 step).
+const SHORTEST_WALK: u32 = 12;
+const ANY_UP_TO_SAMPLES: u32 = 8;
+const CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST: u64 = 2_500;
 /// The limit of steps for fewer samples than these where no lanes steal (there, at 4 samples and 1024x640 `single` has 1.03 to 1.3 times the rate of `split` on stadium, terrain, bunny and trees, 0.75
 /// on a hairball of 5,000 triangles; at 8 0.86 to 0.93 on the first three, 1.17 on the trees).
 const SHORT_WALK_ALONE: u32 = 50;
@@ -45,7 +50,12 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
     };
     let alone = !steals && samples < ALONE_BELOW_SAMPLES;
     let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
-    let enough = u64::from(samples) * CAMERA_RAYS_FOR_SAMPLE;
+    let for_sample = match steps {
+        0..SHORTEST_WALK if samples <= ANY_UP_TO_SAMPLES => 0,
+        0..SHORTEST_WALK => CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST,
+        _ => CAMERA_RAYS_FOR_SAMPLE,
+    };
+    let enough = u64::from(samples) * for_sample;
     if steps >= short {
         let why = format!(
             "rays of about {steps} steps, at least {short}, are done soonest by several invocations for a pixel"
@@ -56,6 +66,11 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
             "about {camera_rays} camera rays meet the scene, fewer than {enough}: several invocations for each keep a GPU busy"
         );
         (Passes::Split, why)
+    } else if enough == 0 {
+        let why = format!(
+            "{samples} rays of about {steps} steps, fewer than {SHORTEST_WALK}, are done soonest where the camera ray was"
+        );
+        (Passes::Single, why)
     } else {
         let why = format!(
             "about {camera_rays} camera rays meet the scene, at least {enough}, and keep a GPU busy with rays of about {steps} steps; \
@@ -63,6 +78,19 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
         );
         (Passes::Single, why)
     }
+}
+
+/// Invocations that share a pixel's samples: the greatest power of two up to the root of their number (with rounds, of the most that may come), so that
+/// either has a part in keeping rays together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
+/// scenes at 16 and on three at 32, 8 at 64), but `most`. Sums of floats and states that step need one, and `packet` lost
+/// rays on an H100 with more (docs/measurements.md).
+pub fn lanes_of(settings: &Settings, samples: u32, most: u32) -> u32 {
+    let any_order = settings.passes == Passes::Split
+        && settings.accumulator == Accumulator::Count
+        && settings.sampler != Sampler::Lcg
+        && !matches!(settings.method, Method::Packet | Method::Bundle)
+        && !settings.preset.is_original();
+    if any_order { most.min(1 << (samples.max(1).ilog2() / 2)) } else { 1 }
 }
 
 /// How many invocations share a pixel's samples at most, and why not as many as usual.
@@ -76,6 +104,11 @@ pub fn choose_lanes(settings: &Settings, accessor: Accessor, wishes: &Wishes) ->
     let enough = |lanes: u32| camera_rays.saturating_mul(u64::from(lanes)) >= BUSY_WITH;
     let fewer = FEWER_LANES.into_iter().find(|&(lanes, short)| steps < short && enough(lanes));
     let Some((lanes, _)) = fewer else { return usual };
+    let [before, with] =
+        [SAMPLE_LANES, lanes].map(|most| lanes_of(settings, wishes.samples.unwrap_or(u32::MAX), most));
+    if with == before {
+        return usual;
+    }
     let why = format!(
         "rays of about {steps} steps are done soonest by few invocations for a pixel, \
          and about {camera_rays} camera rays that meet the scene keep a GPU busy all the same"

@@ -3,7 +3,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::choices::{Method, Passes, Preset, Preview, Wishes};
+use super::auto::FACES_FROM_SAMPLES;
+use super::choices::{Accessor, Accumulator, Method, Passes, Preset, Preview, Sampler, Wishes};
 use super::geometry::Geometry;
 use super::invocations::{LANES_FROM_SAMPLES, PICTURE_DECIDES};
 use super::plan::Job;
@@ -25,14 +26,42 @@ pub fn wishes_for(
     device: DeviceKind,
 ) -> Wishes {
     let wishes = job.wishes(wishes);
-    let samples = wishes.samples.unwrap_or(0);
-    let cuts = wishes.passes.is_none() && PICTURE_DECIDES.contains(&samples);
-    let shares = matches!(wishes.passes, None | Some(Passes::Split))
-        && matches!(wishes.method, None | Some(Method::Entry))
-        && samples >= LANES_FROM_SAMPLES;
-    let decides =
-        device != DeviceKind::Cpu && !wishes.preset.is_some_and(Preset::is_original) && (cuts || shares);
+    let decides = device != DeviceKind::Cpu
+        && !wishes.preset.is_some_and(Preset::is_original)
+        && (decides_passes(&wishes) || decides_lanes(&wishes) || decides_faces(&wishes, geometry));
     Wishes { preview: decides.then(|| preview(job, scene, geometry)), ..wishes }
+}
+
+/// One kernel or two.
+fn decides_passes(wishes: &Wishes) -> bool {
+    let methods = [None, Some(Method::Entry), Some(Method::Ordered), Some(Method::Postponed)];
+    wishes.passes.is_none()
+        && methods.contains(&wishes.method)
+        && wishes.samples.is_some_and(|samples| PICTURE_DECIDES.contains(&samples))
+}
+
+/// Several invocations may share a pixel.
+fn shares_pixels(wishes: &Wishes) -> bool {
+    matches!(wishes.passes, None | Some(Passes::Split))
+        && matches!(wishes.accumulator, None | Some(Accumulator::Count))
+        && wishes.sampler != Some(Sampler::Lcg)
+}
+
+/// How many do.
+fn decides_lanes(wishes: &Wishes) -> bool {
+    shares_pixels(wishes)
+        && matches!(wishes.method, None | Some(Method::Entry))
+        && matches!(wishes.accessor, None | Some(Accessor::Address))
+        && wishes.samples.is_some_and(|samples| samples >= LANES_FROM_SAMPLES)
+}
+
+/// `brute` or a tree.
+fn decides_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
+    shares_pixels(wishes)
+        && wishes.method.is_none()
+        && geometry.face_edges.is_some()
+        && wishes.accessor != Some(Accessor::TexelBuffer)
+        && wishes.samples.is_some_and(|samples| samples >= FACES_FROM_SAMPLES)
 }
 
 fn preview(job: &Job, scene: &Scene, geometry: &Geometry) -> Preview {
@@ -142,16 +171,35 @@ mod tests {
         let split = Wishes { passes: Some(Passes::Split), ..wishes };
         let single = Wishes { passes: Some(Passes::Single), ..wishes };
         let wide = Wishes { method: Some(Method::Wide), ..wishes };
+        let ordered = Wishes { method: Some(Method::Ordered), ..wishes };
+        let entry = Wishes { method: Some(Method::Entry), ..wishes };
+        let entry_split = Wishes { passes: Some(Passes::Split), ..entry };
+        let by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..wishes };
+        let entry_by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..entry };
+        let lcg = Wishes { sampler: Some(Sampler::Lcg), ..wishes };
+        let floats = Wishes { accumulator: Some(Accumulator::Rgba32f), ..wishes };
         let original = Wishes { preset: Some(Preset::Original), ..wishes };
         for (samples, wishes, device, told) in [
             (3, wishes, DeviceKind::Discrete, false),
             (4, wishes, DeviceKind::Discrete, true),
             (31, wishes, DeviceKind::Integrated, true),
             (64, wishes, DeviceKind::Discrete, true),
-            (8, split, DeviceKind::Discrete, false),
-            (64, split, DeviceKind::Discrete, true),
+            // Faces could be taken.
+            (7, split, DeviceKind::Discrete, false),
+            (8, split, DeviceKind::Discrete, true),
+            (64, by_buffers, DeviceKind::Discrete, true),
+            (8, entry_split, DeviceKind::Discrete, false),
+            (31, entry_split, DeviceKind::Discrete, false),
+            (32, entry_split, DeviceKind::Discrete, true),
+            (32, ordered, DeviceKind::Discrete, false),
+            (31, ordered, DeviceKind::Discrete, true),
+            (64, entry_by_buffers, DeviceKind::Discrete, false),
+            (31, lcg, DeviceKind::Discrete, true),
+            (32, lcg, DeviceKind::Discrete, false),
+            (32, floats, DeviceKind::Discrete, false),
+            (31, single, DeviceKind::Discrete, false),
             (64, single, DeviceKind::Discrete, false),
-            (8, wide, DeviceKind::Discrete, true),
+            (8, wide, DeviceKind::Discrete, false),
             (64, wide, DeviceKind::Discrete, false),
             (64, original, DeviceKind::Discrete, false),
             (8, wishes, DeviceKind::Cpu, false),

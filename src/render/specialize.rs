@@ -3,6 +3,7 @@
 use super::auto::Decision;
 use super::choices::{Accumulator, Intersector, Method, Offset, Passes, Preset, Sampler, Settings, Slabs};
 use super::geometry::Geometry;
+use super::invocations::lanes_of;
 use super::plan::Job;
 use super::rounds::Goal;
 use crate::kernels::NodeLayout;
@@ -36,7 +37,7 @@ pub fn constants(
         (layout::SPEC_FACING, u32::from(settings.preset != Preset::Original)),
         (layout::SPEC_REPEAT, 0),
         (layout::SPEC_MARKS_MISSES, 1),
-        (layout::SPEC_SAMPLE_LANES, sample_lanes(job, settings, decision)),
+        (layout::SPEC_SAMPLE_LANES, lanes_of(settings, job.samples.len() as u32, decision.sample_lanes)),
         (layout::SPEC_ULP_OFFSET, u32::from(settings.offset == Offset::Ulp)),
         (layout::SPEC_COMPACT, u32::from(takes_compact_nodes(settings, geometry))),
         (layout::SPEC_LEAVES_LOOPS, u32::from(decision.leaves_loops)),
@@ -53,23 +54,6 @@ pub fn constants_of_job(job: &Job, settings: &Settings) -> [(u32, u32); 3] {
         (layout::SPEC_BUDGETS, u32::from(job.adaptive)),
         (layout::SPEC_CELLS, sobol_cells(job, settings.accumulator)),
     ]
-}
-
-/// Invocations that share a pixel's samples: the greatest power of two up to the root of their number (with rounds, of the most that may come), so that
-/// either has a part in keeping rays together, what starts at one place and what goes one way (measured on an H100: 2 were the fastest at 4 and 8 samples, 4 on four of five
-/// scenes at 16 and on three at 32, 8 at 64). Sums of floats and states that step need one, and `packet` lost
-/// rays on an H100 with more (docs/measurements.md).
-fn sample_lanes(job: &Job, settings: &Settings, decision: &Decision) -> u32 {
-    let any_order = settings.passes == Passes::Split
-        && settings.accumulator == Accumulator::Count
-        && settings.sampler != Sampler::Lcg
-        && !matches!(settings.method, Method::Packet | Method::Bundle)
-        && !settings.preset.is_original();
-    if !any_order {
-        return 1;
-    }
-    let samples = (job.samples.len() as u32).max(1);
-    decision.sample_lanes.min(1 << (samples.ilog2() / 2))
 }
 
 /// From so many bytes of nodes on `entry` reads compact ones: they save caches, but take a few operations more to read (measured on an H100 at 64 samples,

@@ -112,6 +112,8 @@ pub struct Adapter {
     pub(super) extensions: Vec<String>,
     /// Whether compiled kernels can be asked for statistics.
     pub(super) tells_statistics: bool,
+    /// Whether the driver lets the clock of a device with little to do fall so far that short work runs slowly (`wake.rs`).
+    pub(super) clock_falls: bool,
     /// Whether buffers have device addresses.
     pub(super) has_addresses: bool,
     pub(super) calibrator: Option<Calibrator>,
@@ -204,6 +206,7 @@ impl Adapter {
                 families[family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS)
             }),
             tells_statistics,
+            clock_falls: driver_id == vk::DriverId::NVIDIA_PROPRIETARY,
             has_addresses,
             calibrator,
             cache_key: CacheKey::of(&base),

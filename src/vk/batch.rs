@@ -36,6 +36,7 @@ impl<'a> Batch<'a> {
     /// Starts recording. `dispatches`: how many there will be at most.
     pub fn new(device: &Device, dispatches: u32) -> Result<Self> {
         let shared = device.shared.clone();
+        shared.wake();
         let now = Instant::now();
         let mut batch = Self {
             pool: vk::CommandPool::null(),
@@ -110,8 +111,10 @@ impl<'a> Batch<'a> {
                 raw.queue_submit(*queue, &[work], self.fence)?;
             }
             self.submitted = true;
+            self.device.wakefulness.begin();
             raw.wait_for_fences(&[self.fence], true, u64::MAX)?;
             self.submitted = false;
+            self.device.wakefulness.end();
             raw.reset_fences(&[self.fence])?;
             let info =
                 vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
@@ -251,6 +254,7 @@ impl<'a> Batch<'a> {
                 .map_err(|result| failed("Handing work to the device", result))?;
         }
         self.submitted = true;
+        self.device.wakefulness.begin();
         self.host.submitted = Instant::now();
         Ok(())
     }
@@ -266,6 +270,7 @@ impl<'a> Batch<'a> {
                 .map_err(|result| failed("Waiting for the device", result))?;
             self.host.waited = Instant::now();
             self.submitted = false;
+            self.device.wakefulness.end();
             if !ticks.is_empty() {
                 raw.get_query_pool_results(self.timestamps, 0, &mut ticks, vk::QueryResultFlags::TYPE_64)
                     .map_err(|result| failed("Reading the timestamps", result))?;
@@ -289,6 +294,7 @@ impl Drop for Batch<'_> {
         unsafe {
             if self.submitted {
                 let _ = raw.wait_for_fences(&[self.fence], true, u64::MAX);
+                self.device.wakefulness.end();
             }
             raw.destroy_query_pool(self.timestamps, None);
             raw.destroy_fence(self.fence, None);

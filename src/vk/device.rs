@@ -13,6 +13,7 @@ use super::failed;
 use super::instance::Instance;
 use super::memory::Memory;
 use super::statistics::StatisticsReader;
+use super::wake::Wakefulness;
 use crate::error::Result;
 
 /// A device; everything made from it keeps it alive.
@@ -33,7 +34,8 @@ pub(super) struct Shared {
     pub(super) statistics: Option<StatisticsReader>,
     /// `None` where the device's clock can't be read.
     pub(super) clock: Option<ClockReader>,
-    instance: Instance,
+    pub(super) wakefulness: Wakefulness,
+    pub(super) instance: Instance,
 }
 
 impl Device {
@@ -102,6 +104,7 @@ impl Device {
                 names,
                 statistics,
                 clock,
+                wakefulness: Wakefulness::new(),
                 instance: instance.clone(),
             }),
         })

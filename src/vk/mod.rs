@@ -16,6 +16,7 @@ mod raster;
 mod statistics;
 mod timing;
 mod upload;
+mod wake;
 
 pub use adapter::{Adapter, DeviceKind, Limits, Subgroup, WORKGROUP_INVOCATIONS};
 pub use barrier::{Access, Hazard};
