@@ -87,6 +87,29 @@ fn the_clock_probe_does_all_its_work_and_tells_its_time() {
     });
 }
 
+/// The second device that raises the clock comes and goes while the first one works.
+#[test]
+fn the_clock_is_raised_beside_work() {
+    common::with_device(|device| {
+        let probe = ClockProbe::new(device).unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for _ in 0..4 {
+                    device.raise_clock();
+                }
+            });
+            for _ in 0..4 {
+                probe.measure().unwrap();
+            }
+        });
+        let results = probe.results().unwrap();
+        for invocation in [0, 1, 777, CLOCK_GROUPS * WORKGROUP_SIZE - 1] {
+            assert_eq!(results[invocation as usize], probe_step(invocation));
+        }
+        assert!(!device.may_sleep(), "it was at work");
+    });
+}
+
 /// A kernel writes 1 word an invocation, so the words that are not 0 tell how many workgroups ran.
 #[test]
 fn indirect_dispatches_read_their_workgroups_from_a_buffer() {

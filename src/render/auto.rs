@@ -414,10 +414,12 @@ mod tests {
         check_operations(bundle, "A", 8, &all).unwrap();
         let other = check_operations(bundle, "A", 16, &all).unwrap_err().to_string();
         assert!(other.contains("subgroups of 8 lanes"), "{other}");
-        let stealing = find_kernel("ambient_list/entry/address").unwrap();
-        check_operations(stealing, "A", 8, &all).unwrap();
-        let votes = check_operations(stealing, "A", 8, &["basic", "vote"]).unwrap_err().to_string();
-        assert!(votes.contains("ballot") && votes.contains("choose --accessor ssbo"), "{votes}");
+        for name in ["ambient_list/entry/address", "primary/entry/address"] {
+            let stealing = find_kernel(name).unwrap();
+            check_operations(stealing, "A", 8, &all).unwrap();
+            let votes = check_operations(stealing, "A", 8, &["basic", "vote"]).unwrap_err().to_string();
+            assert!(votes.contains("ballot") && votes.contains("choose --accessor ssbo"), "{votes}");
+        }
         let ordered = find_kernel("ambient/ordered/count/ssbo").unwrap();
         check_operations(ordered, "A", 0, &[]).unwrap();
     }

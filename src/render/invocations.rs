@@ -31,7 +31,7 @@ const ALONE_BELOW_SAMPLES: u32 = 8;
 /// 1: 4 are 1.01 times as fast on Cornell, 1.3 on maison; 8 are 1.3 on the bunny, 1.4 on the arcade and the terrain; 16 are no faster).
 const SAMPLE_LANES: u32 = 8;
 /// Fewer where `entry`, whose lanes take over each other's work, has rays of fewer steps than these, so that finding a pixel's surface and entries counts (there, at 64 samples: 4 have 1.02 to
-/// 1.09 times the rate of 8 on a closed room, Cornell, boxes, a city, maison and arcade, of 6 to 15 steps, 0.94 to 1.00 times on eleven scenes of more; 2 have 1.12 and 1.16 times on Cornell and the room,
+/// 1.09 times the rate of 8 on a closed room, Cornell, boxes, a city, maison and arcade, of 6 to 15 steps, 0.94 to 1.00 times on ten scenes of more; 2 have 1.12 and 1.16 times on Cornell and the room,
 /// of 8 and 9 steps, and at 32 samples 0.92 times the rate of 4 on maison, 0.94 on the arcade, 1.01 on boxes and the city) ...
 const FEWER_LANES: [(u32, u32); 2] = [(2, 10), (4, SHORT_WALK)];
 /// ... and where that leaves so many invocations, which keep a GPU busy until the end (of 62,000 camera rays and fewer 4 have 0.88 to 0.94 times the rate of 8; of 98,000 1.02, from 153,000 on 1.02 to
