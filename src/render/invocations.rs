@@ -3,11 +3,13 @@
 
 use super::choices::{Accessor, Accumulator, Method, Passes, Preview, Sampler, Settings, Wishes};
 
-/// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture.
+/// Samples of a camera ray from which a second kernel may pay on a GPU, and from which it does whatever the picture where several invocations share a pixel.
 pub const SPLIT_FROM_SAMPLES: u32 = 4;
 const SPLIT_ALWAYS_FROM: u32 = 32;
-/// Samples for which the picture decides.
-pub const PICTURE_DECIDES: std::ops::Range<u32> = SPLIT_FROM_SAMPLES..SPLIT_ALWAYS_FROM;
+/// Running means leave a pixel to one invocation, so that a second kernel only costs: from so many camera rays on one is the fastest whatever the samples (measured on an H100 on bunny, a closed room, stadium,
+/// trees and terrain, 118,000 to 655,000 camera rays, rate of `single` over `split`: 1.3 to 1.75 at 64 and 256 samples, 1.1 to 1.66 at 8; maison 2.2; hairball by `postponed` 1.1 times that of `entry` by `split`; of
+/// 9,000 to 41,000 camera rays 0.5 to 0.72 at 64).
+const MEANS_ALONE_FROM: u64 = 80_000;
 /// One kernel, which need not wait for the last camera ray, is the fastest between them where rays take fewer steps than this, ...
 const SHORT_WALK: u32 = 20;
 /// ... and for each sample so many camera rays meet the scene, so that a GPU is busy with a ray at a time from each of them.
@@ -40,12 +42,39 @@ const BUSY_WITH: u64 = 600_000;
 /// From this many samples on (with 32 2 have 1.06 and 1.07 times the rate of 4 on Cornell and the room, from 256 on they are the same; of fewer there are so few lanes anyway).
 pub const LANES_FROM_SAMPLES: u32 = 32;
 
+fn sums_means(wishes: &Wishes) -> bool {
+    !matches!(wishes.accumulator, None | Some(Accumulator::Count))
+}
+
+/// Whether one kernel or two follows from the picture. (The states of `lcg` leave a pixel to one invocation, too: measured on an H100 at 64 samples, `single` over `split`, a closed room of 9 steps 1.35, bunny, stadium, trees and
+/// terrain 0.68 to 0.76.)
+pub fn picture_decides(wishes: &Wishes) -> bool {
+    let always_split = wishes.samples.is_none_or(|samples| samples >= SPLIT_ALWAYS_FROM);
+    !wishes.fewer_samples(SPLIT_FROM_SAMPLES)
+        && (!always_split || sums_means(wishes) || wishes.sampler == Some(Sampler::Lcg))
+}
+
 /// Whether a second kernel pays on a GPU follows from how many rays a pixel has, how long they take and how many pixels have any.
 pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
     if wishes.fewer_samples(SPLIT_FROM_SAMPLES) {
         return (Passes::Single, "few rays of a pixel are done soonest where the camera ray was".into());
     }
-    let samples = wishes.samples.filter(|samples| PICTURE_DECIDES.contains(samples));
+    if sums_means(wishes) {
+        return match wishes.preview {
+            Some(Preview { camera_rays, .. }) if camera_rays < MEANS_ALONE_FROM => {
+                let why = format!(
+                    "about {camera_rays} camera rays meet the scene, fewer than {MEANS_ALONE_FROM}: a list of them keeps a GPU busy"
+                );
+                (Passes::Split, why)
+            }
+            _ => (
+                Passes::Single,
+                "running means leave a pixel to one invocation, which goes on where the camera ray was"
+                    .into(),
+            ),
+        };
+    }
+    let samples = wishes.samples.filter(|_| picture_decides(wishes));
     let (Some(samples), Some(Preview { camera_rays, steps })) = (samples, wishes.preview) else {
         return (Passes::Split, "many rays of a pixel are done soonest by several invocations".into());
     };

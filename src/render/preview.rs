@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use super::auto::FACES_FROM_SAMPLES;
 use super::choices::{Accessor, Accumulator, Method, Passes, Preset, Preview, Sampler, Wishes};
 use super::geometry::Geometry;
-use super::invocations::{LANES_FROM_SAMPLES, PICTURE_DECIDES};
+use super::invocations::{LANES_FROM_SAMPLES, picture_decides};
 use super::plan::Job;
 use crate::bvh::walk_cost;
 use crate::scene::Scene;
@@ -37,7 +37,8 @@ fn decides_passes(wishes: &Wishes) -> bool {
     let methods = [None, Some(Method::Entry), Some(Method::Ordered), Some(Method::Postponed)];
     wishes.passes.is_none()
         && methods.contains(&wishes.method)
-        && wishes.samples.is_some_and(|samples| PICTURE_DECIDES.contains(&samples))
+        && wishes.samples.is_some()
+        && picture_decides(wishes)
 }
 
 /// Several invocations may share a pixel.
@@ -177,6 +178,8 @@ mod tests {
         let by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..wishes };
         let entry_by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..entry };
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..wishes };
+        let floats_split =
+            Wishes { accumulator: Some(Accumulator::Rgba32f), passes: Some(Passes::Split), ..wishes };
         let floats = Wishes { accumulator: Some(Accumulator::Rgba32f), ..wishes };
         let original = Wishes { preset: Some(Preset::Original), ..wishes };
         for (samples, wishes, device, told) in [
@@ -195,8 +198,11 @@ mod tests {
             (31, ordered, DeviceKind::Discrete, true),
             (64, entry_by_buffers, DeviceKind::Discrete, false),
             (31, lcg, DeviceKind::Discrete, true),
-            (32, lcg, DeviceKind::Discrete, false),
-            (32, floats, DeviceKind::Discrete, false),
+            (3, lcg, DeviceKind::Discrete, false),
+            (32, lcg, DeviceKind::Discrete, true),
+            (3, floats, DeviceKind::Discrete, false),
+            (32, floats, DeviceKind::Discrete, true),
+            (32, floats_split, DeviceKind::Discrete, false),
             (31, single, DeviceKind::Discrete, false),
             (64, single, DeviceKind::Discrete, false),
             (8, wide, DeviceKind::Discrete, false),
