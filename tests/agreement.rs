@@ -425,6 +425,9 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
         for (name, wishes, method, passes) in [
             ("large", fewer, Method::Wide, Passes::Single),
             ("large", few, Method::Entry, Passes::Split),
+            ("large", with(4, 400_000, 10), Method::Entry, Passes::Single),
+            ("large", with(4, 400_000, 37), Method::Entry, Passes::Split),
+            ("large", Wishes { passes: Some(Passes::Single), ..few }, Method::Wide, Passes::Single),
             ("large", few_split, Method::Entry, Passes::Split),
             ("large", Wishes::default(), Method::Entry, Passes::Split),
             ("terrain", few, Method::Entry, Passes::Split),
@@ -494,6 +497,8 @@ fn a_gpu_s_method_and_passes_follow_from_the_rays() {
             ("maison", with(9, 22_500, 10), Method::Entry, Passes::Single),
             ("maison", with(9, 22_499, 10), Method::Entry, Passes::Split),
             ("maison", with(9, 22_500, 11), Method::Entry, Passes::Split),
+            ("maison", with(31, 1, 2), Method::Entry, Passes::Single),
+            ("maison", with(31, 77_499, 3), Method::Entry, Passes::Split),
             ("maison", with(31, 387_500, 19), Method::Entry, Passes::Single),
             ("maison", with(31, 387_499, 19), Method::Entry, Passes::Split),
             ("maison", with(32, 1_000_000, 5), Method::Entry, Passes::Split),

@@ -316,6 +316,7 @@ fn the_commands_that_tell() {
     let plan = succeeds(&["plan", MAISON]);
     assert!((plan.contains("bundle") || plan.contains("wide")) && plan.contains("robust"), "{plan}");
     succeeds(&["plan", MAISON, "--spp", "8", "--size", "64x40", "--orbit", "0,90", "--antialias", "4"]);
+    succeeds(&["plan", MAISON, "--size", "64x40", "--antialias", "6"]);
     // What render refuses.
     fails(&["plan", MAISON, "--spp", "6", "--antialias", "4"], 2, "multiple of 4");
     fails(&["plan", MAISON, "--size", "4294967295x4294967295"], 2, "beyond this device's limit");

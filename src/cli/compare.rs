@@ -12,7 +12,6 @@ use super::session::{self, DeviceArguments};
 use crate::error::{Error, Result};
 use crate::gl::{Context, Preference, TimerKind};
 use crate::lab::compare::{Auto, Effort, Images, Renders, Row, measure};
-use crate::render::auto;
 use crate::render::choices::{Method, Preset, Wishes};
 use crate::render::execute;
 use crate::render::frames::fragment;
@@ -21,6 +20,7 @@ use crate::render::frames::vulkan::Stage;
 use crate::render::geometry::Geometry;
 use crate::render::plan::{Job, Plan};
 use crate::render::rounds::Goal;
+use crate::render::{auto, preview};
 use crate::report::atomic::{Output, folder};
 use crate::report::manifest::Manifest;
 use crate::report::png::{self, Encoding};
@@ -169,8 +169,9 @@ const AUTO_RENDERS: usize = 5;
 /// The same picture by the default choices.
 fn render_auto(arguments: &Arguments, scene: &Scene, device: &Device, size: [u32; 2]) -> Result<Renders> {
     let job = job(arguments, scene, size, AUTO_SAMPLES)?;
-    let wishes = job.wishes(&Wishes::default());
+    let wishes = job.wishes(&Wishes::default().on(device.adapter().kind));
     let geometry = session::geometry(scene, &wishes)?;
+    let wishes = preview::wishes_for(&job, &wishes, scene, &geometry, device.adapter().kind);
     let decision = auto::decide(&wishes, &geometry, device.adapter());
     let plan = Plan::new(job, scene, &geometry, &decision, &device.adapter().limits)?;
     // A driver may compile kernels when they first run.

@@ -6,7 +6,7 @@ use clap::Args;
 use comfy_table::{Table, presets};
 
 use super::args::{CameraArguments, ChoiceArguments, distance, size};
-use super::render::{DEFAULT_SPP, samples_of_camera_ray};
+use super::render::{default_spp, samples_of_camera_ray};
 use super::session::{self, DeviceArguments};
 use crate::error::Result;
 use crate::render::plan::{Job, Plan};
@@ -21,9 +21,9 @@ pub struct Arguments {
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", value_parser = size, default_value = "1024x640")]
     size: (u32, u32),
-    /// Ambient rays of each pixel whose camera ray hits, as for render
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SPP, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
-    spp: u32,
+    /// Ambient rays of each pixel whose camera ray hits, as for render [default: 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
+    spp: Option<u32>,
     /// Camera rays of a pixel, as for render
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=1024), default_value = "1")]
     antialias: u32,
@@ -41,10 +41,11 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let (_instance, adapter) = session::adapter(&arguments.device)?;
+    let spp = arguments.spp.unwrap_or_else(|| default_spp(arguments.antialias));
     let job = Job {
         camera: arguments.camera.camera(&scene, arguments.choices.preset)?,
         size: arguments.size,
-        samples: 0..samples_of_camera_ray(arguments.spp, arguments.antialias)?,
+        samples: 0..samples_of_camera_ray(spp, arguments.antialias)?,
         seed: 0,
         max_distance: arguments.max_distance,
         jitters: arguments.antialias,

@@ -157,7 +157,12 @@ impl Outputs {
 }
 
 /// Ambient rays of a pixel, if nothing else is asked for.
-pub(super) const DEFAULT_SPP: u32 = 64;
+const DEFAULT_SPP: u32 = 64;
+
+/// The same, so that each of a pixel's camera rays has two rays at least, of which the error can be told, and whole frames of the original.
+pub(super) fn default_spp(jitters: u32) -> u32 {
+    DEFAULT_SPP.max(2 * jitters).next_multiple_of(jitters * FRAME_SAMPLES)
+}
 
 /// Ambient rays of each of a pixel's camera rays.
 pub(super) fn samples_of_camera_ray(spp: u32, jitters: u32) -> Result<u32> {
@@ -179,8 +184,7 @@ fn job(arguments: &Arguments, camera: Camera) -> Result<Job> {
     };
     let spp = match (goal, arguments.spp) {
         (Goal::Samples, Some(spp)) => spp,
-        // Two rays at least of each camera ray, so that the error can be told; whole frames of the original.
-        (Goal::Samples, None) => DEFAULT_SPP.max(2 * jitters).next_multiple_of(jitters * FRAME_SAMPLES),
+        (Goal::Samples, None) => default_spp(jitters),
         _ => MOST_SAMPLES / (jitters * FRAME_SAMPLES) * jitters * FRAME_SAMPLES,
     };
     Ok(Job {

@@ -200,7 +200,7 @@ fn choose_method(wishes: &Wishes, geometry: &Geometry, adapter: &Adapter) -> (Me
         && cost <= POSTPONED_FROM
         && wishes.fewer_samples(WIDE_UP_TO_SAMPLES)
         && matches!(wishes.passes, None | Some(Passes::Single))
-        && !takes_over_work(wishes, adapter)
+        && (wishes.passes.is_some() || !can_take_over_work(wishes, adapter))
     {
         let why = format!(
             "{triangles} triangles, at least {WIDE_FROM}: for few rays small nodes are the fastest to read"

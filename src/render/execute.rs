@@ -56,9 +56,13 @@ pub fn run_traced(
     tally.spans = spans;
     let (uploaded, pipelines) = thread::scope(|scope| {
         // While large scenes load the device's clock falls.
-        if device.may_sleep() {
-            scope.spawn(|| device.raise_clock());
-        }
+        let raising = device.may_sleep().then(|| {
+            scope.spawn(|| {
+                let begin = Instant::now();
+                device.raise_clock();
+                Ok(Span::beside("raise the device's clock", begin))
+            })
+        });
         let compiling = scope.spawn(|| {
             let begin = Instant::now();
             compile(device, plan).map(|pipelines| (pipelines, Span::beside("compile kernels", begin)))
@@ -69,6 +73,11 @@ pub fn run_traced(
         let (pipelines, span) = joined(compiling)?;
         tally.phase("wait for kernels", begin);
         tally.beside(span);
+        if let Some(raising) = raising {
+            let begin = Instant::now();
+            tally.beside(joined(raising)?);
+            tally.phase("wait for the device's clock", begin);
+        }
         Ok::<_, Error>((uploaded, pipelines))
     })?;
     let begin = Instant::now();

@@ -19,10 +19,11 @@ const SHORT_WALK: u32 = 20;
 /// Short rays at 4 samples: 0.88 of 44,000 camera rays, 1.09 to 1.48 from 62,000 on; at 8 0.79 and 0.91 up to 62,000, 0.95 to 1.31 from 155,000 on; at 16 0.65 to 1.0 up to
 /// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
-/// Of rays of fewer steps than these fewer will do, and up to so many samples any number (there, with stealing, rays of 1 to 10 steps in boxes, rooms and Cornell, 4,000 to 390,000 camera rays: `single` has
-/// 1.2 to 2.2 times the rate of `split` at 4 samples, 1.0 to 2.1 at 8; at 16 0.75 to 0.96 of 4,000 to 38,000 with 5 and more steps, 0.93 to 1.35 from 38,000 on, and 1.4 to 1.6 of any number with 1 step. A city
+/// Of rays of fewer steps than these fewer will do, and of next to none, or up to so many samples, any number (there, with stealing, rays of 1 to 10 steps in boxes, rooms and Cornell, 4,000 to 390,000 camera rays: `single` has
+/// 1.2 to 2.2 times the rate of `split` at 4 samples, 1.0 to 2.1 at 8; at 16 0.75 to 0.96 of 4,000 to 38,000 with 5 and more steps, 0.93 to 1.35 from 38,000 on, and 1.4 to 1.6 of 9,000 to 146,000 with 1 step. A city
 /// of 19,000 triangles and 11 steps has 0.95, 0.77 and 0.51 of 9,000, 0.98, 0.84 and 0.73 of 38,000).
 const SHORTEST_WALK: u32 = 11;
+const NO_WALK: u32 = 3;
 const ANY_UP_TO_SAMPLES: u32 = 8;
 const CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST: u64 = 2_500;
 /// The limit of steps for fewer samples than these where no lanes steal (there, at 4 samples and 1024x640 `single` has 1.03 to 1.3 times the rate of `split` on stadium, terrain, bunny and trees, 0.75
@@ -81,6 +82,7 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
     let alone = !steals && samples < ALONE_BELOW_SAMPLES;
     let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
     let for_sample = match steps {
+        0..NO_WALK => 0,
         0..SHORTEST_WALK if samples <= ANY_UP_TO_SAMPLES => 0,
         0..SHORTEST_WALK => CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST,
         _ => CAMERA_RAYS_FOR_SAMPLE,

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 
 use super::auto::FACES_FROM_SAMPLES;
-use super::choices::{Accessor, Accumulator, Method, Passes, Preset, Preview, Sampler, Wishes};
+use super::choices::{Accessor, Accumulator, Intersector, Method, Passes, Preset, Preview, Sampler, Wishes};
 use super::geometry::Geometry;
 use super::invocations::{LANES_FROM_SAMPLES, picture_decides};
 use super::plan::Job;
@@ -61,6 +61,8 @@ fn decides_faces(wishes: &Wishes, geometry: &Geometry) -> bool {
     shares_pixels(wishes)
         && wishes.method.is_none()
         && geometry.face_edges.is_some()
+        && !wishes.bounded
+        && matches!(wishes.intersector, None | Some(Intersector::Conservative))
         && wishes.accessor != Some(Accessor::TexelBuffer)
         && wishes.samples.is_some_and(|samples| samples >= FACES_FROM_SAMPLES)
 }
@@ -178,6 +180,7 @@ mod tests {
         let by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..wishes };
         let entry_by_buffers = Wishes { accessor: Some(Accessor::StorageBuffer), ..entry };
         let lcg = Wishes { sampler: Some(Sampler::Lcg), ..wishes };
+        let split_watertight = Wishes { intersector: Some(Intersector::Watertight), ..split };
         let floats_split =
             Wishes { accumulator: Some(Accumulator::Rgba32f), passes: Some(Passes::Split), ..wishes };
         let floats = Wishes { accumulator: Some(Accumulator::Rgba32f), ..wishes };
@@ -191,6 +194,7 @@ mod tests {
             (7, split, DeviceKind::Discrete, false),
             (8, split, DeviceKind::Discrete, true),
             (64, by_buffers, DeviceKind::Discrete, true),
+            (8, split_watertight, DeviceKind::Discrete, false),
             (8, entry_split, DeviceKind::Discrete, false),
             (31, entry_split, DeviceKind::Discrete, false),
             (32, entry_split, DeviceKind::Discrete, true),

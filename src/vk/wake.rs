@@ -11,7 +11,7 @@ use super::device::{Device, Shared};
 
 /// For so long the clock is up after it was raised.
 const AWAKE: Duration = Duration::from_secs(2);
-/// A device that was at work for half of so long keeps its clock.
+/// A device that was at work for so long, or for half of at least so long, keeps its clock. (A host that looks late takes it for work; ours waits at once.)
 const BUSY_SPELL: Duration = Duration::from_secs(1);
 
 /// What a device had to do lately.
@@ -42,9 +42,10 @@ impl Lately {
     fn end(&mut self, now: Instant) {
         self.under_way = self.under_way.saturating_sub(1);
         if self.under_way == 0 {
-            self.busy += now.saturating_duration_since(self.began);
+            let spell = now.saturating_duration_since(self.began);
+            self.busy += spell;
             let elapsed = now.saturating_duration_since(self.since);
-            if elapsed >= BUSY_SPELL && self.busy * 2 >= elapsed {
+            if spell >= BUSY_SPELL || elapsed >= BUSY_SPELL && self.busy * 2 >= elapsed {
                 *self = Self::new(now);
             }
         }
@@ -107,6 +108,7 @@ impl Shared {
     }
 
     fn raise_clock(&self) {
+        self.wakefulness.lately().since = Instant::now();
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(self.adapter.queue_family)
@@ -128,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn idle_devices_are_woken_once_and_busy_ones_never() {
+    fn devices_with_little_to_do_are_woken_once_and_busy_ones_never() {
         let start = Instant::now();
         let after = |ms: u64| start + Duration::from_millis(ms);
         let mut idle = Lately::new(start);
@@ -157,6 +159,11 @@ mod tests {
         long_work.end(after(60_000));
         assert!(!long_work.may_sleep(after(61_900)));
         assert!(long_work.may_sleep(after(62_000)));
+
+        let mut long_work_after_a_pause = Lately::new(start);
+        long_work_after_a_pause.begin(after(5000));
+        long_work_after_a_pause.end(after(6000));
+        assert!(!long_work_after_a_pause.may_sleep(after(7999)));
 
         let mut two_at_a_time = Lately::new(start);
         two_at_a_time.begin(after(10));
