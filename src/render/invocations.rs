@@ -81,11 +81,12 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
     };
     let alone = !steals && samples < ALONE_BELOW_SAMPLES;
     let short = if alone { SHORT_WALK_ALONE } else { SHORT_WALK };
-    let for_sample = match steps {
-        0..NO_WALK => 0,
-        0..SHORTEST_WALK if samples <= ANY_UP_TO_SAMPLES => 0,
-        0..SHORTEST_WALK => CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST,
-        _ => CAMERA_RAYS_FOR_SAMPLE,
+    let for_sample = if steps < NO_WALK || steps < SHORTEST_WALK && samples <= ANY_UP_TO_SAMPLES {
+        0
+    } else if steps < SHORTEST_WALK {
+        CAMERA_RAYS_FOR_SAMPLE_OF_SHORTEST
+    } else {
+        CAMERA_RAYS_FOR_SAMPLE
     };
     let enough = u64::from(samples) * for_sample;
     if steps >= short {
