@@ -7,7 +7,7 @@ use super::choices::{Accessor, Accumulator, Method, Passes, Preview, Sampler, Se
 pub const SPLIT_FROM_SAMPLES: u32 = 4;
 const SPLIT_ALWAYS_FROM: u32 = 32;
 /// Running means leave a pixel to one invocation, so that a second kernel only costs: from so many camera rays on one is the fastest whatever the samples (measured on an H100 on bunny, a closed room, stadium,
-/// trees and terrain, 118,000 to 655,000 camera rays, rate of `single` over `split`: 1.3 to 1.75 at 64 and 256 samples, 1.1 to 1.66 at 8; maison 2.2; hairball by `postponed` 1.1 times that of `entry` by `split`; of
+/// trees and terrain, 118,000 to 655,000 camera rays, rate of `single` over `split`: 1.3 to 1.75 at 64 and 256 samples, 1.1 to 1.66 at 8; maison 2.2; hairball by `postponed` 1.1 times that of `entry` by `split` at 64, but 0.84 at 8; of
 /// 9,000 to 41,000 camera rays 0.5 to 0.72 at 64).
 const MEANS_ALONE_FROM: u64 = 80_000;
 /// One kernel, which need not wait for the last camera ray, is the fastest between them where rays take fewer steps than this, ...
@@ -20,7 +20,7 @@ const SHORT_WALK: u32 = 20;
 /// 176,000, but 1.08 to 1.22 from 250,000 on (a room of 655,000 1.15).
 const CAMERA_RAYS_FOR_SAMPLE: u64 = 12_500;
 /// Of rays of fewer steps than these fewer will do, and of next to none, or up to so many samples, any number (there, with stealing, rays of 1 to 10 steps in boxes, rooms and Cornell, 4,000 to 390,000 camera rays: `single` has
-/// 1.2 to 2.2 times the rate of `split` at 4 samples, 1.0 to 2.1 at 8; at 16 0.75 to 0.96 of 4,000 to 38,000 with 5 and more steps, 0.93 to 1.35 from 38,000 on, and 1.4 to 1.6 of 9,000 to 146,000 with 1 step. A city
+/// 1.2 to 2.2 times the rate of `split` at 4 samples, 1.0 to 2.1 at 8; at 16 0.75 to 0.96 of 4,000 to 38,000 with 5 and more steps, 0.93 to 1.35 from 38,000 on, and 1.4 to 1.6 of 9,000 to 146,000 with 1 step; 2 were not measured. A city
 /// of 19,000 triangles and 11 steps has 0.95, 0.77 and 0.51 of 9,000, 0.98, 0.84 and 0.73 of 38,000).
 const SHORTEST_WALK: u32 = 11;
 const NO_WALK: u32 = 3;
@@ -100,8 +100,9 @@ pub fn cut_by_rays(wishes: &Wishes, steals: bool) -> (Passes, String) {
         );
         (Passes::Split, why)
     } else if enough == 0 {
+        let few = if steps < NO_WALK { NO_WALK } else { SHORTEST_WALK };
         let why = format!(
-            "{samples} rays of about {steps} steps, fewer than {SHORTEST_WALK}, are done soonest where the camera ray was"
+            "{samples} rays of about {steps} steps, fewer than {few}, are done soonest where the camera ray was"
         );
         (Passes::Single, why)
     } else {
